@@ -21,13 +21,13 @@ const MAY_USE: [(&str, &[&str]); 24] = [
     ("adapters", &["core", "bus", "latency", "files"]),
     ("config", &["core", "files", "adapters"]),
     ("station", &["bus", "files"]),
-    // It has its own encoders: an encoder derived from the parser would be no independent check.
+    // Has its own encoders: one derived from the parser would be no independent check.
     ("simulator", &["core"]),
     ("discrepancy", &["core", "latency", "adapters", "config", "recording", "view"]),
     ("studies", &["core", "simulator", "adapters"]),
     ("view", &["core", "bus", "latency"]),
     ("recording", &["core", "latency", "bus", "files", "adapters", "config", "station", "view"]),
-    // Ordinary consumers, which forward what they read.
+    // Consumers that forward states.
     ("gateways", &["core", "client", "config", "station"]),
     ("export", &["core", "adapters"]),
     ("gateways/foxglove", &["core", "client", "gateways", "view"]),
@@ -36,7 +36,7 @@ const MAY_USE: [(&str, &[&str]); 24] = [
     ("gateways/zenoh", &["core", "client", "files", "gateways", "view"]),
     // The service links no simulator, report, page or gateway.
     ("daemon", &["core", "latency", "bus", "files", "adapters", "config", "station"]),
-    // The program of all commands.
+    // The command line program.
     (
         "cli",
         &[
@@ -63,21 +63,21 @@ const MAY_USE: [(&str, &[&str]); 24] = [
     ("benches", &["core", "latency", "bus", "adapters", "config", "simulator", "daemon"]),
 ];
 
-/// Parts of the core that the simulator must not use: agreement with its own estimator would be no evidence.
+/// Parts of the core that the simulator must not use: agreement would then be no evidence.
 const NOT_FOR_THE_SIMULATOR: [&str; 8] =
     ["sesc", "kalman", "overload", "exposure", "cycle", "anchor", "static_pose", "effect"];
 
 /// The traits and derives that messages require; the core uses nothing else of iceoryx2.
 const CORE_OF_ICEORYX2: [&str; 2] = ["iceoryx2-bb-derive-macros", "iceoryx2-bb-elementary-traits"];
 
-const LINES_TO_MENTION: usize = 400;
+const LINES_REPORTED: usize = 400;
 const LINES_MAX: usize = 450;
 
 #[test]
-fn dependencies_point_down() {
+fn dependencies_follow_the_layers() {
     for found in crates() {
         let allowed = MAY_USE.iter().find(|(folder, _)| *folder == found.folder);
-        let (_, allowed) = allowed.unwrap_or_else(|| panic!("{} has no line in MAY_USE", found.folder));
+        let (_, allowed) = allowed.unwrap_or_else(|| panic!("{} is missing in MAY_USE", found.folder));
         for dependency in found.dependencies("dependencies") {
             if let Some(ours) = dependency.strip_prefix("equipoise-") {
                 assert!(allowed.contains(&ours), "{} must not depend on {ours}", found.folder);
@@ -99,32 +99,32 @@ fn only_the_program_tests_and_benches_depend_on_the_daemon() {
 }
 
 #[test]
-fn only_the_bus_speaks_to_iceoryx2() {
+fn only_the_bus_depends_on_iceoryx2() {
     for found in crates().filter(|found| found.folder != "bus") {
         let allowed: &[&str] = if found.folder == "core" { &CORE_OF_ICEORYX2 } else { &[] };
         for table in ["dependencies", "dev-dependencies", "build-dependencies"] {
             for dependency in found.dependencies(table).iter().filter(|name| name.starts_with("iceoryx2")) {
                 let allowed = allowed.contains(&dependency.as_str());
-                assert!(allowed, "{} names {dependency}: go through bus/", found.folder);
+                assert!(allowed, "{} names {dependency}: use bus/", found.folder);
             }
         }
         let allowed: Vec<String> = allowed.iter().map(|name| name.replace('-', "_")).collect();
         for file in found.sources() {
             for (line, word) in file.words().filter(|(_, word)| word.starts_with("iceoryx2")) {
                 let place = format!("{}:{line}", file.path.display());
-                assert!(allowed.contains(&word), "{place} names {word}: go through bus/");
+                assert!(allowed.contains(&word), "{place} names {word}: use bus/");
             }
         }
     }
 }
 
 #[test]
-fn unsafe_stands_where_it_is_expected() {
+fn unsafe_is_limited_to_listed_files() {
     let expected = |path: &str| {
         path.starts_with("bus/")
             || path.starts_with("daemon/src/realtime")
             // The C interface.
-            || path == "clients/c/src/border.rs"
+            || path == "clients/c/src/ffi.rs"
             || (path.starts_with("tests/") && path.contains("alloc"))
     };
     for found in crates() {
@@ -137,7 +137,7 @@ fn unsafe_stands_where_it_is_expected() {
 }
 
 /// Files that open files directly: kernel information, synced folders, locks, the installed program.
-const READ_BY_THEMSELVES: [&str; 12] = [
+const DIRECT_FILE_ACCESS: [&str; 12] = [
     "adapters/src/source/serial_line/refused.rs",
     "cli/src/deletion.rs",
     "cli/src/doctor/facts.rs",
@@ -153,7 +153,7 @@ const READ_BY_THEMSELVES: [&str; 12] = [
 ];
 
 #[test]
-fn files_are_opened_in_one_place() {
+fn files_are_opened_by_the_files_crate() {
     // Crates that run at the station; studies and the simulator read only their own files.
     let shipped = [
         "adapters",
@@ -178,7 +178,7 @@ fn files_are_opened_in_one_place() {
             let is_call = |at: usize| !outside_tests[..at].ends_with(char::is_alphanumeric);
             let opened =
                 opens.iter().find(|call| outside_tests.match_indices(**call).any(|(at, _)| is_call(at)));
-            let is_expected = READ_BY_THEMSELVES.contains(&path.as_str()) || path.contains("/tests");
+            let is_expected = DIRECT_FILE_ACCESS.contains(&path.as_str()) || path.contains("/tests");
             assert!(
                 opened.is_none() || is_expected,
                 "{path}: {} …): open it by files/",
@@ -189,29 +189,34 @@ fn files_are_opened_in_one_place() {
 }
 
 #[test]
-fn every_crate_keeps_the_lints_of_the_workspace() {
+fn every_crate_inherits_the_workspace_lints() {
     for found in crates() {
-        let kept = found.manifest.get("lints").and_then(|lints| lints.get("workspace"));
-        assert_eq!(kept.and_then(toml::Value::as_bool), Some(true), "{}: [lints] workspace", found.folder);
+        let inherited = found.manifest.get("lints").and_then(|lints| lints.get("workspace"));
+        assert_eq!(
+            inherited.and_then(toml::Value::as_bool),
+            Some(true),
+            "{}: [lints] workspace",
+            found.folder
+        );
     }
 }
 
 #[test]
-fn versions_stand_once_in_the_root_manifest() {
+fn dependency_versions_are_in_the_root_manifest_only() {
     for found in crates() {
         for table in ["dependencies", "dev-dependencies", "build-dependencies"] {
             for (name, value) in
                 found.manifest.get(table).and_then(toml::Value::as_table).into_iter().flatten()
             {
                 let inherits = value.get("workspace").and_then(toml::Value::as_bool) == Some(true);
-                assert!(inherits, "{}: {name} must say `workspace = true`", found.folder);
+                assert!(inherits, "{}: {name} needs `workspace = true`", found.folder);
             }
         }
     }
 }
 
 #[test]
-fn the_core_stands_on_nothing() {
+fn core_is_no_std_without_unsafe() {
     let core = crates().find(|found| found.folder == "core").unwrap();
     let head = core.sources().into_iter().find(|file| file.path.ends_with("src/lib.rs")).unwrap().code;
     assert!(head.contains("#![no_std]"), "core/src/lib.rs lacks #![no_std]");
@@ -220,18 +225,18 @@ fn the_core_stands_on_nothing() {
 }
 
 #[test]
-fn the_simulated_person_does_not_know_the_estimator() {
+fn simulator_does_not_import_estimator_modules() {
     let simulator: Crate = crates().find(|found| found.folder == "simulator").unwrap();
     for file in simulator.sources().into_iter().filter(|file| file.path.starts_with("simulator/src")) {
         for module in file.used_modules("equipoise_core") {
-            let known = NOT_FOR_THE_SIMULATOR.contains(&module.as_str());
-            assert!(!known, "{} uses equipoise_core::{module}", file.path.display());
+            let forbidden = NOT_FOR_THE_SIMULATOR.contains(&module.as_str());
+            assert!(!forbidden, "{} uses equipoise_core::{module}", file.path.display());
         }
         for (line, word) in file.words() {
             let place = format!("{}:{line}", file.path.display());
             assert!(
                 !word.eq_ignore_ascii_case("anthropometry"),
-                "{place}: a body of its own, not the core's table"
+                "{place}: use the simulator's own body, not the core's table"
             );
         }
     }
@@ -256,22 +261,22 @@ const ESTIMATOR_FORMULAS: [&str; 12] = [
 const ESTIMATOR_MODULES: [&str; 6] = ["kalman", "exposure", "motion", "anchor", "effect", "static_pose"];
 
 #[test]
-fn truth_is_made_of_no_formula_of_the_estimator() {
-    let judges = [("studies", "studies/src"), ("tests", "tests/soak"), ("cli", "cli/src/demo")];
+fn truth_does_not_use_estimator_formulas() {
+    let truth_sources = [("studies", "studies/src"), ("tests", "tests/soak"), ("cli", "cli/src/demo")];
     let mut files = 0;
-    for (folder, under) in judges {
+    for (folder, under) in truth_sources {
         let found = crates().find(|found| found.folder == folder).unwrap();
         for file in found.sources().into_iter().filter(|file| file.path.starts_with(under)) {
             // One reads the estimator's own static window, the other the published lever of its model: as inputs of a
             // comparison, not as truth.
-            let asks = ["poses.rs", "back.rs"].iter().any(|name| file.path.ends_with(name));
+            let is_exempt = ["poses.rs", "back.rs"].iter().any(|name| file.path.ends_with(name));
             files += 1;
             for (line, word) in file.words() {
                 let place = format!("{}:{line}", file.path.display());
                 assert!(!ESTIMATOR_FORMULAS.contains(&word.as_str()), "{place} uses {word} of the estimator");
             }
             for module in file.used_modules("equipoise_core") {
-                let allowed = asks || !ESTIMATOR_MODULES.contains(&module.as_str());
+                let allowed = is_exempt || !ESTIMATOR_MODULES.contains(&module.as_str());
                 assert!(allowed, "{} uses equipoise_core::{module}", file.path.display());
             }
         }
@@ -280,11 +285,11 @@ fn truth_is_made_of_no_formula_of_the_estimator() {
 }
 
 #[test]
-fn files_are_short_enough_to_read() {
+fn source_files_have_a_maximum_length() {
     let mut too_long = Vec::new();
     for file in crates().flat_map(|found| found.sources()) {
         let lines = file.lines;
-        if file.path.components().any(|part| part.as_os_str() == "src") && lines > LINES_TO_MENTION {
+        if file.path.components().any(|part| part.as_os_str() == "src") && lines > LINES_REPORTED {
             println!("{}: {lines} lines", file.path.display());
             if lines > LINES_MAX {
                 too_long.push((file.path, lines));
@@ -295,7 +300,7 @@ fn files_are_short_enough_to_read() {
 }
 
 #[test]
-fn every_relative_link_of_the_pages_leads_somewhere() {
+fn relative_links_of_documents_exist() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let (mut links, mut broken) = (0, Vec::new());
     for (page, text) in committed_texts().filter(|(path, _)| path.extension().is_some_and(|end| end == "md"))
@@ -313,11 +318,11 @@ fn every_relative_link_of_the_pages_leads_somewhere() {
         }
     }
     assert!(links > 20, "only {links} links were found");
-    assert!(broken.is_empty(), "lead nowhere: {broken:#?}");
+    assert!(broken.is_empty(), "broken links: {broken:#?}");
 }
 
 #[test]
-fn no_file_names_a_place_on_somebodys_machine() {
+fn no_file_contains_a_path_of_a_developers_machine() {
     // Composed here, so that this file does not contain the paths either.
     let homes: BTreeSet<String> =
         ["work/", "root/", "home/", "Users/"].iter().map(|end| format!("/{end}")).collect();

@@ -12,7 +12,7 @@ const PLAUSIBLE_LEAP: u64 = 1000;
 
 /// Position of a sample relative to the newest one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum SequencePosition {
     /// The first sample of the stream.
     First,
     /// Later than the newest one by `gap` counts.
@@ -35,17 +35,17 @@ pub enum Place {
 pub struct Sequence {
     max_rate_hz: u64,
     overtaken_max: u32,
-    newest: Option<Seen>,
-    suspect: Option<(Seen, u32)>,
+    newest: Option<CounterSample>,
+    suspect: Option<(CounterSample, u32)>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Seen {
+struct CounterSample {
     counter: u32,
     arrival_ns: u64,
 }
 
-impl Seen {
+impl CounterSample {
     /// Counts from `self` to `counter`, negative backwards, over the wrap.
     fn steps_to(self, counter: u32) -> i32 {
         counter.wrapping_sub(self.counter).cast_signed()
@@ -71,95 +71,95 @@ impl Sequence {
     }
 
     /// Processes a sample and returns its position.
-    pub fn place(&mut self, counter: u32, arrival_ns: u64) -> Place {
-        let seen = Seen { counter, arrival_ns };
+    pub fn classify(&mut self, counter: u32, arrival_ns: u64) -> SequencePosition {
+        let sample = CounterSample { counter, arrival_ns };
         let Some(newest) = self.newest else {
-            self.newest = Some(seen);
-            return Place::First;
+            self.newest = Some(sample);
+            return SequencePosition::First;
         };
         let steps = newest.steps_to(counter);
         if steps == 0 {
-            return Place::Same;
+            return SequencePosition::Same;
         }
         let elapsed_ns = arrival_ns.saturating_sub(newest.arrival_ns);
-        let believable =
+        let plausible =
             PLAUSIBLE_LEAP.saturating_add((elapsed_ns / 1000).saturating_mul(self.max_rate_hz) / 1_000_000);
-        if steps > 0 && u64::from(steps.unsigned_abs()) <= believable {
-            self.newest = Some(seen);
+        if steps > 0 && u64::from(steps.unsigned_abs()) <= plausible {
+            self.newest = Some(sample);
             self.suspect = None;
-            return Place::Next { gap: steps.unsigned_abs() };
+            return SequencePosition::Next { gap: steps.unsigned_abs() };
         }
         if steps < 0 && steps.unsigned_abs() <= self.overtaken_max {
-            return Place::Old;
+            return SequencePosition::Old;
         }
-        self.doubt(seen)
+        self.check_restart(sample)
     }
 
     /// A jump: accepted once the counter continues from it.
-    fn doubt(&mut self, seen: Seen) -> Place {
+    fn check_restart(&mut self, sample: CounterSample) -> SequencePosition {
         let confirmations = match self.suspect {
-            Some((before, _)) if before.steps_to(seen.counter) == 0 => return Place::Old,
+            Some((before, _)) if before.steps_to(sample.counter) == 0 => return SequencePosition::Old,
             Some((before, confirmations)) => {
-                let forward = before.steps_to(seen.counter) > 0
-                    && u64::from(before.steps_to(seen.counter).unsigned_abs()) <= PLAUSIBLE_LEAP;
-                let soon = seen.arrival_ns.saturating_sub(before.arrival_ns) <= RESTART_WITHIN_NS;
+                let forward = before.steps_to(sample.counter) > 0
+                    && u64::from(before.steps_to(sample.counter).unsigned_abs()) <= PLAUSIBLE_LEAP;
+                let soon = sample.arrival_ns.saturating_sub(before.arrival_ns) <= RESTART_WITHIN_NS;
                 if forward && soon { confirmations + 1 } else { 0 }
             }
             None => 0,
         };
         if confirmations < RESTART_CONFIRMATIONS {
-            self.suspect = Some((seen, confirmations));
-            return Place::Old;
+            self.suspect = Some((sample, confirmations));
+            return SequencePosition::Old;
         }
-        self.newest = Some(seen);
+        self.newest = Some(sample);
         self.suspect = None;
-        Place::NewSession
+        SequencePosition::NewSession
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Place::{First, NewSession, Next, Old, Same};
+    use SequencePosition::{First, NewSession, Next, Old, Same};
 
     const MS: u64 = 1_000_000;
 
-    fn places(stream: &[(u32, u64)]) -> Vec<Place> {
+    fn classified(stream: &[(u32, u64)]) -> Vec<SequencePosition> {
         let mut sequence = Sequence::new(1000);
-        stream.iter().map(|(counter, ms)| sequence.place(*counter, ms * MS)).collect()
+        stream.iter().map(|(counter, ms)| sequence.classify(*counter, ms * MS)).collect()
     }
 
     #[test]
     fn forward_same_and_overtaken() {
-        let got = places(&[(10, 0), (11, 4), (11, 5), (14, 16), (12, 17), (13, 18), (15, 20)]);
+        let got = classified(&[(10, 0), (11, 4), (11, 5), (14, 16), (12, 17), (13, 18), (15, 20)]);
         assert_eq!(got, [First, Next { gap: 1 }, Same, Next { gap: 3 }, Old, Old, Next { gap: 1 }]);
     }
 
     #[test]
     fn the_counter_wraps() {
-        assert_eq!(places(&[(u32::MAX, 0), (1, 8)]), [First, Next { gap: 2 }]);
+        assert_eq!(classified(&[(u32::MAX, 0), (1, 8)]), [First, Next { gap: 2 }]);
     }
 
     #[test]
     fn a_gap_is_no_new_session() {
-        assert_eq!(places(&[(10, 0), (20_000, 60_000)]), [First, Next { gap: 19_990 }]);
+        assert_eq!(classified(&[(10, 0), (20_000, 60_000)]), [First, Next { gap: 19_990 }]);
     }
 
     #[test]
     fn a_restart_is_accepted_at_the_second_step_forward() {
         assert_eq!(
-            places(&[(5000, 0), (0, 4), (0, 5), (1, 8), (2, 12), (3, 16)]),
+            classified(&[(5000, 0), (0, 4), (0, 5), (1, 8), (2, 12), (3, 16)]),
             [First, Old, Old, Old, NewSession, Next { gap: 1 }]
         );
         // Too slow, or interrupted by the stream that continues: not accepted.
-        assert_eq!(places(&[(5000, 0), (0, 4), (1, 300), (2, 600)]), [First, Old, Old, Old]);
-        let got = places(&[(5000, 0), (0, 1), (5001, 4), (1, 5), (5002, 8), (2, 9), (5003, 12)]);
+        assert_eq!(classified(&[(5000, 0), (0, 4), (1, 300), (2, 600)]), [First, Old, Old, Old]);
+        let got = classified(&[(5000, 0), (0, 1), (5001, 4), (1, 5), (5002, 8), (2, 9), (5003, 12)]);
         assert!(!got.contains(&NewSession), "{got:?}");
     }
 
     #[test]
-    fn one_wild_counter_does_no_harm() {
-        let got = places(&[(10, 0), (2_000_000_000, 4), (11, 5), (12, 8)]);
+    fn a_single_wrong_counter_is_rejected() {
+        let got = classified(&[(10, 0), (2_000_000_000, 4), (11, 5), (12, 8)]);
         assert_eq!(got, [First, Old, Next { gap: 1 }, Next { gap: 1 }]);
     }
 }

@@ -8,7 +8,7 @@ use equipoise_benches::rounds::{Contender, compare};
 use equipoise_benches::worker::{HEIGHT_M, MASS_KG};
 use equipoise_core::body::{Anthropometry, JOINTS, Sex, Side, Skeleton};
 use equipoise_core::handover::experience::{Experience, Handover};
-use equipoise_core::handover::search::{Place, Planning};
+use equipoise_core::handover::search::{PlacePrediction, Planning};
 use equipoise_core::handover::{Body, FootPlacement, Part};
 use equipoise_core::overload::TorqueLimits;
 use equipoise_core::sesc::Phi;
@@ -38,7 +38,7 @@ fn main() {
     let parts = PARTS_KG.map(|mass_kg| Part { mass_kg, mass_sigma_kg: 0.1, width_m: 0.35, slope_rad: None });
     let planning =
         |part| Planning { body: &body, height_m: HEIGHT_M, feet: &feet, part, experience: &experience };
-    let is_feasible = |place: Option<Place>| place.is_some_and(|place| place.predicted.is_ok());
+    let is_feasible = |place: Option<PlacePrediction>| place.is_some_and(|place| place.predicted.is_ok());
     assert!(parts.iter().all(|part| is_feasible(planning(part).best())), "every part can be held somewhere");
 
     let (mut all, mut one) = (parts.iter().cycle(), parts.iter().cycle());

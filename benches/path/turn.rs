@@ -171,7 +171,12 @@ impl Plan {
         thread
     }
 
-    fn start_ingress(&self, ends: IngressEnds, begun: &Arc<AtomicU64>, folder: &Path) -> (Noting, Noting) {
+    fn start_ingress(
+        &self,
+        ends: IngressEnds,
+        begun: &Arc<AtomicU64>,
+        folder: &Path,
+    ) -> (RecorderThread, RecorderThread) {
         let (plan, place, control) = (*self, folder.join("in"), Arc::clone(&ends.control));
         let its_control = Arc::clone(&control);
         let (ready, is_ready) = bounded(1);
@@ -226,7 +231,7 @@ impl Plan {
 }
 
 /// A thread that records a number and a time of each message.
-type Noting = JoinHandle<Vec<(u64, u64)>>;
+type RecorderThread = JoinHandle<Vec<(u64, u64)>>;
 
 struct OnTheBus {
     samples: Publisher<SuitSample>,

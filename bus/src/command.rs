@@ -5,7 +5,7 @@ use equipoise_core::message::{Command, HandoverPlan, HandoverRequest, Message, R
 use crate::error::BusError;
 use crate::event::{Channel, Event, Notifier};
 use crate::node::Bus;
-use crate::open::{Place, open_or_create, take};
+use crate::open::{PortLimit, create_port, open_or_create};
 use crate::service::{CLIENTS_MAX, NODES_MAX, full_name};
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
@@ -141,8 +141,8 @@ impl<Q: Request> RequestClient<Q> {
             Some(event) => Some((Notifier::open(bus, Channel::Inputs)?, event)),
             None => None,
         };
-        let place = Place { what: "client", most: REQUEST_SETTINGS.clients_max };
-        let port = take(bus, &name, place, ClientCreateError::ExceedsMaxSupportedClients, || {
+        let limit = PortLimit { what: "client", most: REQUEST_SETTINGS.clients_max };
+        let port = create_port(bus, &name, limit, ClientCreateError::ExceedsMaxSupportedClients, || {
             factory.client_builder().backpressure_strategy(BackpressureStrategy::DiscardData).create()
         })?;
         Ok(RequestClient { port, notifier, name })
@@ -203,8 +203,8 @@ impl<Q: Request> fmt::Debug for RequestServer<Q> {
 impl<Q: Request> RequestServer<Q> {
     pub(crate) fn open(bus: &Bus) -> Result<RequestServer<Q>, BusError> {
         let (name, factory) = open_service::<Q>(bus)?;
-        let place = Place { what: "daemon", most: REQUEST_SETTINGS.servers_max };
-        let port = take(bus, &name, place, ServerCreateError::ExceedsMaxSupportedServers, || {
+        let limit = PortLimit { what: "daemon", most: REQUEST_SETTINGS.servers_max };
+        let port = create_port(bus, &name, limit, ServerCreateError::ExceedsMaxSupportedServers, || {
             factory
                 .server_builder()
                 .backpressure_strategy(BackpressureStrategy::DiscardData)

@@ -2,7 +2,7 @@
 
 use crate::error::BusError;
 use crate::node::Bus;
-use crate::open::{Place, open_or_create, take};
+use crate::open::{PortLimit, create_port, open_or_create};
 use crate::service::{LISTENERS_MAX, NODES_MAX, NOTIFIERS_MAX, full_name};
 use iceoryx2::port::listener::{Listener as ListenerPort, ListenerCreateError};
 use iceoryx2::port::notifier::{Notifier as NotifierPort, NotifierCreateError};
@@ -148,9 +148,9 @@ impl fmt::Debug for Notifier {
 impl Notifier {
     pub(crate) fn open(bus: &Bus, channel: Channel) -> Result<Notifier, BusError> {
         let (name, factory) = open_channel(bus, channel)?;
-        let place = Place { what: "notifier", most: NOTIFIERS_MAX };
+        let limit = PortLimit { what: "notifier", most: NOTIFIERS_MAX };
         let full = NotifierCreateError::ExceedsMaxSupportedNotifiers;
-        let port = take(bus, &name, place, full, || factory.notifier_builder().create())?;
+        let port = create_port(bus, &name, limit, full, || factory.notifier_builder().create())?;
         Ok(Notifier { port, name })
     }
 
@@ -179,9 +179,9 @@ impl fmt::Debug for Listener {
 impl Listener {
     pub(crate) fn open(bus: &Bus, channel: Channel) -> Result<Listener, BusError> {
         let (name, factory) = open_channel(bus, channel)?;
-        let place = Place { what: "listener", most: LISTENERS_MAX };
+        let limit = PortLimit { what: "listener", most: LISTENERS_MAX };
         let full = ListenerCreateError::ExceedsMaxSupportedListeners;
-        let port = take(bus, &name, place, full, || factory.listener_builder().create())?;
+        let port = create_port(bus, &name, limit, full, || factory.listener_builder().create())?;
         Ok(Listener { port, name })
     }
 

@@ -47,6 +47,6 @@ pub use command::{
 pub use error::BusError;
 pub use event::{Channel, Event, Events, Listener, Notifier};
 pub use node::{Bus, BusSettings, Participant};
-pub use publisher::{Kept, Publisher};
+pub use publisher::{Publisher, RetainedService};
 pub use service::{Service, Topic};
 pub use subscriber::Subscriber;

@@ -6,7 +6,7 @@ use crate::error::BusError;
 use crate::event::{Channel, Listener, Notifier};
 use crate::half_made;
 use crate::orphaned_connections;
-use crate::publisher::{Kept, Publisher};
+use crate::publisher::{Publisher, RetainedService};
 use crate::root;
 use crate::service::Topic;
 use crate::subscriber::Subscriber;
@@ -190,8 +190,8 @@ impl Bus {
     ///
     /// # Errors
     /// As [`Bus::publisher`].
-    pub fn keep<M: Topic>(&self) -> Result<Kept<M>, BusError> {
-        M::open_kept(self)
+    pub fn retain<M: Topic>(&self) -> Result<RetainedService<M>, BusError> {
+        M::open_retained(self)
     }
 
     /// Creates a notifier that wakes the listeners of a channel.

@@ -133,26 +133,26 @@ pub(crate) fn open_or_create<F, E: Into<Refusal>>(
     })
 }
 
-/// One of a service's limited places.
-pub(crate) struct Place {
-    /// Who takes it: "publisher", …
+/// Maximum number of ports of one kind in a service.
+pub(crate) struct PortLimit {
+    /// Kind of port: "publisher", …
     pub(crate) what: &'static str,
-    /// How many there are.
+    /// The maximum.
     pub(crate) most: usize,
 }
 
-/// Makes a port with `create`, whose error `full` says that all places are taken.
+/// Creates a port with `create`, which returns `full` if the maximum number of ports exists.
 ///
-/// A place may still belong to a dead process, and the clean-up of another process that is just running makes ours do
-/// nothing. So the dead are cleaned up and it is tried again, as long as there are any.
-pub(crate) fn take<P, E: std::fmt::Debug + PartialEq>(
+/// Some of these ports may belong to dead processes, and while another process removes them this one cannot. The
+/// removal and the creation are therefore repeated while there are dead processes.
+pub(crate) fn create_port<P, E: std::fmt::Debug + PartialEq>(
     bus: &Bus,
     name: &str,
-    place: Place,
+    limit: PortLimit,
     full: E,
     create: impl Fn() -> Result<P, E>,
 ) -> Result<P, BusError> {
-    let Place { what, most } = place;
+    let PortLimit { what, most } = limit;
     let started = Instant::now();
     while started.elapsed() < SETTLING_MAX {
         match create() {
@@ -177,7 +177,7 @@ fn required(schema: &str) -> Result<AttributeVerifier, String> {
     AttributeVerifier::new().require(&key, &value).map_err(|cause| format!("{cause:?}"))
 }
 
-/// The schema that an existing service was made with, for an error's sake.
+/// The schema of an existing service, for error messages.
 fn schema_of(bus: &Bus, name: &ServiceName, pattern: MessagingPattern) -> String {
     let details = ipc::Service::details(name, bus.config(), pattern);
     let Ok(Some(details)) = details else { return "unknown".to_owned() };

@@ -2,7 +2,7 @@
 
 use crate::error::BusError;
 use crate::node::Bus;
-use crate::open::{Place, open_or_create, take};
+use crate::open::{PortLimit, create_port, open_or_create};
 use crate::service::{BORROWED_MAX, NODES_MAX, Topic};
 use iceoryx2::port::publisher::{Publisher as IceoryxPublisher, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections as _;
@@ -85,14 +85,15 @@ impl<M: Topic> fmt::Debug for Publisher<M> {
 impl<M: Topic> Publisher<M> {
     pub(crate) fn open(bus: &Bus) -> Result<Publisher<M>, BusError> {
         let (name, factory) = open_topic::<M>(bus)?;
-        let place = Place { what: "publisher", most: M::SERVICE.publishers_max() };
-        let port = take(bus, &name, place, PublisherCreateError::ExceedsMaxSupportedPublishers, || {
-            factory
-                .publisher_builder()
-                .max_loaned_samples(1)
-                .backpressure_strategy(BackpressureStrategy::DiscardData)
-                .create()
-        })?;
+        let limit = PortLimit { what: "publisher", most: M::SERVICE.publishers_max() };
+        let port =
+            create_port(bus, &name, limit, PublisherCreateError::ExceedsMaxSupportedPublishers, || {
+                factory
+                    .publisher_builder()
+                    .max_loaned_samples(1)
+                    .backpressure_strategy(BackpressureStrategy::DiscardData)
+                    .create()
+            })?;
         Ok(Publisher { port: Box::new(IceoryxPort { port, factory, name: name.clone() }), name })
     }
 
@@ -130,21 +131,21 @@ impl<M: Topic> Publisher<M> {
 }
 
 /// A topic's service, held open.
-pub struct Kept<M: Topic> {
+pub struct RetainedService<M: Topic> {
     _factory: Box<dyn Any>,
     name: String,
     message: PhantomData<M>,
 }
 
-impl<M: Topic> fmt::Debug for Kept<M> {
+impl<M: Topic> fmt::Debug for RetainedService<M> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Kept({})", self.name)
+        write!(f, "RetainedService({})", self.name)
     }
 }
 
-impl<M: Topic> Kept<M> {
-    pub(crate) fn open(bus: &Bus) -> Result<Kept<M>, BusError> {
+impl<M: Topic> RetainedService<M> {
+    pub(crate) fn open(bus: &Bus) -> Result<RetainedService<M>, BusError> {
         let (name, factory) = open_topic::<M>(bus)?;
-        Ok(Kept { _factory: Box::new(factory), name, message: PhantomData })
+        Ok(RetainedService { _factory: Box::new(factory), name, message: PhantomData })
     }
 }

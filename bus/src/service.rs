@@ -13,7 +13,7 @@ use std::time::Duration;
 use crate::command::Request;
 use crate::error::BusError;
 use crate::node::Bus;
-use crate::publisher::{Kept, Publisher};
+use crate::publisher::{Publisher, RetainedService};
 use crate::subscriber::Subscriber;
 use crate::words::{self, Each, folded};
 
@@ -123,13 +123,13 @@ pub trait Topic: Message {
         Subscriber::open(bus, depth)
     }
 
-    /// [`Bus::keep`], likewise.
+    /// [`Bus::retain`], likewise.
     ///
     /// # Errors
-    /// As [`Bus::keep`].
+    /// As [`Bus::retain`].
     #[doc(hidden)]
-    fn open_kept(bus: &Bus) -> Result<Kept<Self>, BusError> {
-        Kept::open(bus)
+    fn open_retained(bus: &Bus) -> Result<RetainedService<Self>, BusError> {
+        RetainedService::open(bus)
     }
 }
 
@@ -168,8 +168,8 @@ macro_rules! topics {
             }
 
             #[inline(never)]
-            fn open_kept(bus: &Bus) -> Result<Kept<$Message>, BusError> {
-                Kept::open(bus)
+            fn open_retained(bus: &Bus) -> Result<RetainedService<$Message>, BusError> {
+                RetainedService::open(bus)
             }
         })*
 

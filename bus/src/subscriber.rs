@@ -2,7 +2,7 @@
 
 use crate::error::BusError;
 use crate::node::Bus;
-use crate::open::{Place, take};
+use crate::open::{PortLimit, create_port};
 use crate::publisher::{Factory, open_topic};
 use crate::service::Topic;
 use iceoryx2::port::subscriber::{Subscriber as IceoryxSubscriber, SubscriberCreateError};
@@ -91,10 +91,11 @@ impl<M: Topic> Subscriber<M> {
             });
         }
         let (name, factory) = open_topic::<M>(bus)?;
-        let place = Place { what: "subscriber", most: row.subscribers_max };
-        let port = take(bus, &name, place, SubscriberCreateError::ExceedsMaxSupportedSubscribers, || {
-            factory.subscriber_builder().buffer_size(depth).history_request(row.history).create()
-        })?;
+        let limit = PortLimit { what: "subscriber", most: row.subscribers_max };
+        let port =
+            create_port(bus, &name, limit, SubscriberCreateError::ExceedsMaxSupportedSubscribers, || {
+                factory.subscriber_builder().buffer_size(depth).history_request(row.history).create()
+            })?;
         let port = Box::new(IceoryxPort { port, factory, name: name.clone(), depth, writer: 0 });
         Ok(Subscriber { port, name, depth })
     }

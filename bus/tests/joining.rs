@@ -85,10 +85,10 @@ fn other_words_of_one_layout_are_refused() {
 }
 
 #[test]
-fn a_kept_topic_outlives_its_users_and_takes_none_of_their_places() {
+fn a_retained_service_outlives_its_users_and_uses_none_of_their_ports() {
     let root = root();
-    let keeper = join(root.path(), "keeper");
-    let kept = keeper.keep::<AdapterHealth>().unwrap();
+    let holder = join(root.path(), "holder");
+    let retained = holder.retain::<AdapterHealth>().unwrap();
     let bus = join(root.path(), "ours");
     for _ in 0..2 {
         let places = AdapterHealth::SERVICE.subscribers_max;
@@ -100,7 +100,7 @@ fn a_kept_topic_outlives_its_users_and_takes_none_of_their_places() {
     // The service exists without users, so it cannot be created with another schema under its name.
     let others = join(root.path(), "theirs");
     assert!(matches!(others.subscriber::<OtherHealth>(1), Err(BusError::OtherSchema { .. })));
-    drop(kept);
+    drop(retained);
     others.subscriber::<OtherHealth>(1).unwrap();
 }
 

@@ -33,7 +33,7 @@ const CONFIGURATION: &str = include_str!("../../systemd/equipoise.toml");
 /// Directory of the administrator's units and links.
 const ADMIN_UNITS: &str = "/etc/systemd/system";
 /// Links that `--enable` creates, each with its target: the daemon starts at boot, sensors and page with the daemon.
-const WANTED: [(&str, &str, &str); 4] = [
+const ENABLED_LINKS: [(&str, &str, &str); 4] = [
     ("multi-user.target.wants", "equipoise.service", "equipoise.service"),
     ("equipoise.service.wants", "equipoise-adapter@suit.service", "equipoise-adapter@.service"),
     ("equipoise.service.wants", "equipoise-adapter@ground.service", "equipoise-adapter@.service"),
@@ -92,16 +92,16 @@ impl Destination {
         self.folder("lib/systemd/system", ADMIN_UNITS)
     }
 
-    /// The text files: paths on the running system, and contents.
-    fn texts(&self) -> Vec<(PathBuf, String)> {
+    /// Text files to install: path on the running system, and content.
+    fn text_files(&self) -> Vec<(PathBuf, String)> {
         let program = self.program();
         let unit = |text: &str| text.replace(PROGRAM_IN_UNITS, &program.to_string_lossy());
-        let mut texts: Vec<_> =
+        let mut files: Vec<_> =
             UNITS.iter().map(|(name, text)| (self.units().join(name), unit(text))).collect();
         let conf = |folder: PathBuf| folder.join("equipoise.conf");
-        texts.push((conf(self.folder("lib/sysusers.d", "/etc/sysusers.d")), SYSUSERS.to_owned()));
-        texts.push((conf(self.folder("lib/tmpfiles.d", "/etc/tmpfiles.d")), TMPFILES.to_owned()));
-        texts
+        files.push((conf(self.folder("lib/sysusers.d", "/etc/sysusers.d")), SYSUSERS.to_owned()));
+        files.push((conf(self.folder("lib/tmpfiles.d", "/etc/tmpfiles.d")), TMPFILES.to_owned()));
+        files
     }
 
     /// Path of a file during installation.
@@ -151,7 +151,7 @@ pub fn install(destination: &Destination, program: &Path, enable: bool) -> anyho
     for name in others::next_to(program) {
         write(&destination.program_named(name), &read(&program.with_file_name(name))?, 0o755)?;
     }
-    for (path, text) in destination.texts() {
+    for (path, text) in destination.text_files() {
         write(&path, text.as_bytes(), 0o644)?;
     }
     let configuration = Path::new(CONFIGURATION_FILE);
@@ -167,7 +167,7 @@ pub fn install(destination: &Destination, program: &Path, enable: bool) -> anyho
         }
         _ => drop(write(configuration, CONFIGURATION.as_bytes(), 0o644)?),
     }
-    for (folder, unit, file) in WANTED.iter().filter(|_| enable) {
+    for (folder, unit, file) in ENABLED_LINKS.iter().filter(|_| enable) {
         let link = Path::new(ADMIN_UNITS).join(folder).join(unit);
         files::link(&destination.link_under_root(&link)?, &destination.units().join(file))?;
         done.push(format!("enabled {unit}"));
@@ -175,17 +175,17 @@ pub fn install(destination: &Destination, program: &Path, enable: bool) -> anyho
     done.extend(others::missing(destination, program));
     done.extend(others::configured(destination));
     done.extend(old_gateway_unit(destination));
-    done.extend(hidden(destination));
+    done.extend(units_overridden_by_admin(destination));
     Ok(done)
 }
 
-/// Warns about an administrator's units of the same name, which take precedence in systemd.
-fn hidden(destination: &Destination) -> Vec<String> {
+/// Notes on units of the administrator with the same name: systemd prefers them.
+fn units_overridden_by_admin(destination: &Destination) -> Vec<String> {
     let admin = Path::new(ADMIN_UNITS);
     let others = UNITS.iter().map(|(name, _)| admin.join(name)).filter(|_| destination.units() != admin);
     others
         .filter(|path| destination.under_root(path).exists())
-        .map(|path| format!("note: {} was put there by hand and is used instead; remove it", path.display()))
+        .map(|path| format!("note: {} overrides the installed unit; remove it", path.display()))
         .collect()
 }
 
@@ -210,33 +210,33 @@ pub fn uninstall(destination: &Destination) -> anyhow::Result<Vec<String>> {
     let mut done = Vec::new();
     // systemd's directories are shared by all prefixes: their files may belong to another installation.
     let (others, own): (Vec<_>, Vec<_>) = destination
-        .texts()
+        .text_files()
         .into_iter()
-        .partition(|(path, text)| is_another(&destination.under_root(path), text));
+        .partition(|(path, text)| differs_from_release(&destination.under_root(path), text));
     for (path, _) in &others {
         let prefix = destination.prefix.display();
         done.push(format!("left {}: not what this release installs for {prefix}", path.display()));
     }
     let units = destination.units();
     let has_foreign_units = others.iter().any(|(path, _)| path.starts_with(&units));
-    let mut take = |path: &Path| -> anyhow::Result<()> {
+    let mut remove_and_report = |path: &Path| -> anyhow::Result<()> {
         if remove(&destination.link_under_root(path)?)? {
             done.push(format!("removed {}", path.display()));
         }
         Ok(())
     };
     for link in links::to(destination, |unit| own.iter().any(|(path, _)| path == unit)) {
-        take(&link)?;
+        remove_and_report(&link)?;
     }
     // User and directory definitions are shared by all prefixes: keep them while another installation's service needs
     // them.
     for (path, _) in own.iter().filter(|(path, _)| path.starts_with(&units) || !has_foreign_units) {
-        take(path)?;
+        remove_and_report(path)?;
     }
-    take(&destination.program())?;
-    take(&destination.program_named(DAEMON))?;
+    remove_and_report(&destination.program())?;
+    remove_and_report(&destination.program_named(DAEMON))?;
     for name in PROGRAMS {
-        take(&destination.program_named(name))?;
+        remove_and_report(&destination.program_named(name))?;
     }
     for data in DATA.iter().filter(|data| destination.under_root(Path::new(data)).exists()) {
         done.push(format!(
@@ -249,8 +249,8 @@ pub fn uninstall(destination: &Destination) -> anyhow::Result<Vec<String>> {
     Ok(done)
 }
 
-/// Whether the file exists with another content.
-fn is_another(path: &Path, text: &str) -> bool {
+/// Whether the file exists and its content is not that of this release.
+fn differs_from_release(path: &Path, text: &str) -> bool {
     path.symlink_metadata().is_ok() && !std::fs::read(path).is_ok_and(|existing| existing == text.as_bytes())
 }
 

@@ -23,7 +23,7 @@ pub const INDEX: &str = "index.json";
 #[derive(Debug, Default)]
 pub struct SubjectExport {
     /// Files to copy.
-    pub files: Vec<Found>,
+    pub files: Vec<SubjectFile>,
     /// Recordings of the subject that are not copied.
     pub not_copied: Vec<PathBuf>,
     /// What could not be searched or read, and why.
@@ -38,7 +38,7 @@ pub struct SubjectExport {
 
 /// A file of the subject.
 #[derive(Debug)]
-pub struct Found {
+pub struct SubjectFile {
     /// Path on this machine.
     pub path: PathBuf,
     /// Name in the export.
@@ -142,7 +142,7 @@ impl SubjectExport {
         ] {
             self.files.extend(paths.into_iter().map(|path: PathBuf| {
                 let name = folder.join(path.strip_prefix(directory.path()).unwrap_or(&path));
-                Found { name, path, content, subjects: Vec::new() }
+                SubjectFile { name, path, content, subjects: Vec::new() }
             }));
         }
         self.unknown.extend(data.unknown);
@@ -164,10 +164,20 @@ impl SubjectExport {
             let name = |path: &Path| Path::new("recordings").join(path.strip_prefix(folder).unwrap_or(path));
             if recording.signature.is_file() {
                 let (name, path) = (name(&recording.signature), recording.signature);
-                self.files.push(Found { name, path, content: Content::Signature, subjects: Vec::new() });
+                self.files.push(SubjectFile {
+                    name,
+                    path,
+                    content: Content::Signature,
+                    subjects: Vec::new(),
+                });
             }
             let (name, subjects) = (name(&recording.path), recording.subjects);
-            self.files.push(Found { name, path: recording.path, content: Content::Recording, subjects });
+            self.files.push(SubjectFile {
+                name,
+                path: recording.path,
+                content: Content::Recording,
+                subjects,
+            });
         }
         Ok(())
     }
@@ -185,7 +195,7 @@ impl SubjectExport {
     }
 
     /// Files with the data of other subjects besides this one.
-    pub fn shared<'a>(&'a self, id: &'a str) -> impl Iterator<Item = &'a Found> {
+    pub fn shared<'a>(&'a self, id: &'a str) -> impl Iterator<Item = &'a SubjectFile> {
         self.files.iter().filter(move |file| file.subjects.iter().any(|subject| subject != id))
     }
 
@@ -224,11 +234,11 @@ impl SubjectExport {
     }
 
     fn index<'a>(&'a self, id: &'a str) -> Index<'a> {
-        let entry = |found: &'a Found| IndexEntry {
-            file: &found.name,
-            content: found.content,
-            may_be_of_another_subject: found.content.is_uncertain(),
-            subjects: &found.subjects,
+        let entry = |file: &'a SubjectFile| IndexEntry {
+            file: &file.name,
+            content: file.content,
+            may_be_of_another_subject: file.content.is_uncertain(),
+            subjects: &file.subjects,
         };
         Index {
             subject: id,
@@ -241,13 +251,13 @@ impl SubjectExport {
     }
 }
 
-impl Found {
+impl SubjectFile {
     /// The file of which this one, if it is temporary, becomes the content when its write is complete.
-    fn written(&self) -> Option<Found> {
+    fn written(&self) -> Option<SubjectFile> {
         let name = self.path.file_name()?.to_str()?;
         let target = TemporaryFile::named(name)?.target;
         let path = self.path.with_file_name(target);
-        Some(Found { name: self.name.with_file_name(target), path, subjects: Vec::new(), ..*self })
+        Some(SubjectFile { name: self.name.with_file_name(target), path, subjects: Vec::new(), ..*self })
     }
 }
 
@@ -282,7 +292,7 @@ mod tests {
     #[test]
     fn a_write_that_completes_meanwhile_is_exported_under_its_final_name() {
         let state = tempfile::tempdir().expect("a folder");
-        let found = |name: &str, content| Found {
+        let file = |name: &str, content| SubjectFile {
             name: PathBuf::from(name),
             path: state.path().join(name),
             content,
@@ -291,10 +301,10 @@ mod tests {
         std::fs::write(state.path().join("a.toml"), "a").expect("a file");
         std::fs::write(state.path().join("b.toml"), "b").expect("a file");
         let files = vec![
-            found("a.toml", Content::Profile),
-            found("a.toml.7-1.new", Content::Profile),
-            found("b.toml.7-2.new", Content::Profile),
-            found("c.toml", Content::Profile),
+            file("a.toml", Content::Profile),
+            file("a.toml.7-1.new", Content::Profile),
+            file("b.toml.7-2.new", Content::Profile),
+            file("c.toml", Content::Profile),
         ];
         let mut export = SubjectExport { files, ..SubjectExport::default() };
         let out = state.path().join("out");

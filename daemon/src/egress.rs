@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Kept, Notifier, Publisher};
+use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher, RetainedService};
 use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{ConsumerReceipt, CycleRecord, EarlyState, State};
@@ -27,7 +27,7 @@ pub struct Egress {
     deadlines_missed: u64,
     latency_log: Feed,
     /// Kept open because the processes that write and read it may start and be killed at any time.
-    _receipt: Kept<ConsumerReceipt>,
+    _receipt: RetainedService<ConsumerReceipt>,
     last_checkpoint_service: Instant,
     // Ports must be dropped before the node that they depend on.
     _bus: Bus,
@@ -56,7 +56,7 @@ impl Egress {
             phase: u32::MAX,
             deadlines_missed: 0,
             latency_log,
-            _receipt: bus.keep()?,
+            _receipt: bus.retain()?,
             last_checkpoint_service: Instant::now(),
             _bus: bus,
         })

@@ -13,7 +13,7 @@ use equipoise_core::cycle::identification::StoredSubject;
 use equipoise_core::cycle::{Identification, Settings};
 use equipoise_core::handover::experience::Experience;
 use equipoise_core::handover::hold::HoldDetector;
-use equipoise_core::handover::search::{Place, Planning};
+use equipoise_core::handover::search::{PlacePrediction, Planning};
 use equipoise_core::handover::{Body, FootPlacement, Infeasible, MASS_KG, PLACE_MAX_M, Part, WIDTH_M};
 use equipoise_core::message::handover::{CurrentFrame, CurrentStatus, HandoverRefusal};
 use equipoise_core::message::{HandoverPlan, HandoverRequest, State, Validity};
@@ -272,7 +272,7 @@ fn plan_of(
     plan
 }
 
-fn set_current(plan: &mut HandoverPlan, current: &Place) {
+fn set_current(plan: &mut HandoverPlan, current: &PlacePrediction) {
     let status = match current.predicted {
         Ok((worst, ratio)) => {
             plan.current_worst_joint = worst.index() as u32;

@@ -62,7 +62,7 @@ pub struct Given {
 
 /// Events in the recording, s since its start.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shown {
+pub struct RecordingEvents {
     /// Start and end of the samples.
     pub samples_s: [f64; 2],
     /// Time at which the subject was reported as identified.
@@ -112,7 +112,7 @@ pub enum SpanError {
 
 /// The phases, and a description of how they were determined.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct ResolvedSpans {
     /// The phases.
     pub spans_s: Spans,
     /// A sentence for the user.
@@ -161,19 +161,19 @@ impl Given {
     ///
     /// # Errors
     /// [`SpanError`]: as [`Given::check`], and if too little time is left for the work.
-    pub fn find(&self, shown: &Shown) -> Result<Found, SpanError> {
-        let [from_s, to_s] = shown.samples_s;
-        self.check(shown.samples_s)?;
+    pub fn resolve(&self, events: &RecordingEvents) -> Result<ResolvedSpans, SpanError> {
+        let [from_s, to_s] = events.samples_s;
+        self.check(events.samples_s)?;
         let others = [self.reference, self.work].into_iter().flatten();
         let first_other_s = others.map(|span| span.from_s).fold(to_s, f64::min);
-        let (identify, how) = match (self.identify, shown.identified_s) {
+        let (identify, how) = match (self.identify, events.identified_s) {
             (Some(span), _) => (span.pair(), "as given"),
-            (None, _) if shown.brings_worker => {
+            (None, _) if events.brings_worker => {
                 ([from_s; 2], "none: the worker was identified before the recording began")
             }
             (None, Some(end_s)) => ([from_s, end_s.min(first_other_s)], "until the worker was identified"),
             (None, None) => {
-                let end_s = shown.last_learnt_s.unwrap_or(from_s).min(self.learn_until_s(shown.samples_s));
+                let end_s = events.last_learnt_s.unwrap_or(from_s).min(self.learn_until_s(events.samples_s));
                 ([from_s, end_s], "until the last pose used; identification did not converge")
             }
         };
@@ -188,7 +188,7 @@ impl Given {
         };
         let work = match self.work {
             Some(span) => span.pair(),
-            None => self.longest_rest(identify, reference, shown.samples_s),
+            None => self.longest_rest(identify, reference, events.samples_s),
         };
         let [length_s, least_s] =
             [work[1] - work[0], if self.work.is_some() { INTERVAL_MIN_S } else { WORK_MIN_S }];
@@ -204,7 +204,7 @@ impl Given {
             seconds(work),
             if self.work.is_some() { "as given" } else { "the remainder" },
         );
-        Ok(Found { spans_s, description })
+        Ok(ResolvedSpans { spans_s, description })
     }
 
     /// The longest interval of the recording that is neither identification nor reference.
@@ -241,8 +241,8 @@ mod tests {
         Some(text.parse().unwrap())
     }
 
-    fn shown(identified_s: Option<f64>, last_learnt_s: Option<f64>) -> Shown {
-        Shown { samples_s: SAMPLES_S, identified_s, last_learnt_s, brings_worker: false }
+    fn events(identified_s: Option<f64>, last_learnt_s: Option<f64>) -> RecordingEvents {
+        RecordingEvents { samples_s: SAMPLES_S, identified_s, last_learnt_s, brings_worker: false }
     }
 
     #[test]
@@ -255,42 +255,42 @@ mod tests {
 
     #[test]
     fn missing_spans_are_found_and_described() {
-        let found = Given::default().find(&shown(Some(80.0), Some(79.0))).unwrap();
+        let resolved = Given::default().resolve(&events(Some(80.0), Some(79.0))).unwrap();
         let spans_s = Spans { identify: [0.5, 80.0], reference: None, work: [80.0, 300.0], found: true };
-        assert_eq!(found.spans_s, spans_s);
+        assert_eq!(resolved.spans_s, spans_s);
         assert!(
-            found.description.contains("0.5 s – 80.0 s (until the worker was identified)"),
+            resolved.description.contains("0.5 s – 80.0 s (until the worker was identified)"),
             "{}",
-            found.description
+            resolved.description
         );
         // Identification did not converge: the result of the first part is used.
-        let found = Given::default().find(&shown(None, Some(250.0))).unwrap();
-        assert!((found.spans_s.identify[1] - 120.3).abs() < 1e-9, "{:?}", found.spans_s);
+        let resolved = Given::default().resolve(&events(None, Some(250.0))).unwrap();
+        assert!((resolved.spans_s.identify[1] - 120.3).abs() < 1e-9, "{:?}", resolved.spans_s);
     }
 
     #[test]
     fn what_is_given_is_taken_and_the_rest_is_work() {
         let given = Given { identify: span("200:280"), reference: span("150:200"), work: None };
-        let found = given.find(&shown(None, None)).unwrap();
-        assert_eq!(found.spans_s.work, [0.5, 150.0]);
+        let resolved = given.resolve(&events(None, None)).unwrap();
+        assert_eq!(resolved.spans_s.work, [0.5, 150.0]);
         let given = Given { work: span("100:130"), ..Given::default() };
-        let found = given.find(&shown(Some(140.0), None)).unwrap();
-        assert_eq!((found.spans_s.identify, found.spans_s.work), ([0.5, 100.0], [100.0, 130.0]));
+        let resolved = given.resolve(&events(Some(140.0), None)).unwrap();
+        assert_eq!((resolved.spans_s.identify, resolved.spans_s.work), ([0.5, 100.0], [100.0, 130.0]));
     }
 
     #[test]
     fn a_long_recording_has_a_reference_and_a_worker_who_was_known_no_poses() {
-        let long = Shown { samples_s: [0.0, 7200.0], ..shown(Some(90.0), None) };
-        let spans_s = Given::default().find(&long).unwrap().spans_s;
+        let long = RecordingEvents { samples_s: [0.0, 7200.0], ..events(Some(90.0), None) };
+        let spans_s = Given::default().resolve(&long).unwrap().spans_s;
         assert_eq!((spans_s.reference, spans_s.work), (Some([90.0, 270.0]), [270.0, 7200.0]));
-        let known = Shown { brings_worker: true, ..shown(None, None) };
-        let spans_s = Given::default().find(&known).unwrap().spans_s;
+        let known = RecordingEvents { brings_worker: true, ..events(None, None) };
+        let spans_s = Given::default().resolve(&known).unwrap().spans_s;
         assert_eq!((spans_s.identify, spans_s.work), ([0.5; 2], SAMPLES_S));
     }
 
     #[test]
     fn spans_that_cannot_be_are_refused_by_name() {
-        let refused = |given: Given| given.find(&shown(Some(80.0), None)).unwrap_err().to_string();
+        let refused = |given: Given| given.resolve(&events(Some(80.0), None)).unwrap_err().to_string();
         let text = refused(Given { work: span("290:400"), ..Given::default() });
         assert!(text.contains("--work 290:400 lies outside") && text.contains("300.0 s"), "{text}");
         let text = refused(Given { identify: span("0:60"), work: span("50:200"), ..Given::default() });

@@ -22,7 +22,7 @@ use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::samples::SkippedData;
 
 use crate::session::Session;
-use crate::spans::{Found, Given};
+use crate::spans::{Given, ResolvedSpans};
 
 use identify::Identified;
 use survey::Survey;
@@ -55,7 +55,7 @@ pub struct Compared {
     /// The identified and frozen subject.
     pub identified: Identified,
     /// The spans of the recording, also in words.
-    pub found: Found,
+    pub spans: ResolvedSpans,
     /// Unused parts of the input.
     pub skipped: SkippedData,
 }
@@ -86,18 +86,18 @@ impl Reconcile<'_> {
         };
         survey.check_weight(poses_s, self.config)?;
         let identified = identify::identify(self, &survey, progress)?;
-        let found = self.given.find(&identified.phases(samples_s))?;
-        let (session, mut skipped) = session::compare(self, &survey, &identified, &found, progress)?;
+        let spans = self.given.resolve(&identified.phases(samples_s))?;
+        let (session, mut skipped) = session::compare(self, &survey, &identified, &spans, progress)?;
         if session.blocks.is_empty() {
             bail!(
                 "no usable block: in {} there is no interval of 0.2 s with both feet on the plate and data of suit and plate",
-                found.description
+                spans.description
             );
         }
         if let Some(cause) = survey.recorded.memory_unavailable() {
             let missing = "the tare and the worker from before it are missing";
             skipped.rejected.push(format!("{cause}: {missing}"));
         }
-        Ok(Compared { session, identified, found, skipped })
+        Ok(Compared { session, identified, spans, skipped })
     }
 }

@@ -13,14 +13,14 @@ use anyhow::anyhow;
 use crate::config::{Register, RtdeConfig, StationFile};
 use crate::gateway::{Gateway, Latest, Tally};
 use crate::process::{ScheduledGateway, no_section};
-use link::{Dialling, Sent, Started};
+use link::{Connector, Sent, Started};
 use registers::{Counts, word};
 
 /// Writes the registers of one controller.
 #[derive(Debug)]
 pub struct Rtde {
     recipe: Vec<Register>,
-    dialling: Dialling,
+    connector: Connector,
     started: Option<Started>,
     counts: Counts,
     sent: u64,
@@ -34,25 +34,25 @@ impl Rtde {
     /// The configured registers are invalid; the error states which.
     pub fn new(config: &RtdeConfig) -> anyhow::Result<Rtde> {
         let recipe = config.recipe().map_err(|what| anyhow!("gateways.rtde.registers: {what}"))?;
-        let dialling = Dialling::new(config.robot, recipe.clone());
-        Ok(Rtde { recipe, dialling, started: None, counts: Counts::default(), sent: 0, lost: 0 })
+        let connector = Connector::new(config.robot, recipe.clone());
+        Ok(Rtde { recipe, connector, started: None, counts: Counts::default(), sent: 0, lost: 0 })
     }
 
     fn write(&mut self, latest: &Latest) -> bool {
         if self.started.is_none() {
-            self.started = self.dialling.poll();
+            self.started = self.connector.poll();
         }
         let Some(started) = &mut self.started else { return false };
         let (counts, recipe) = (self.counts, &self.recipe);
         match started.send(recipe.iter().map(|register| word(register.value, counts, latest))) {
             Ok(Sent::Whole) => {
-                self.dialling.went_well();
+                self.connector.went_well();
                 true
             }
             Ok(Sent::Dropped) => false,
             Err(error) => {
                 self.started = None;
-                self.dialling.lost(&error.to_string());
+                self.connector.lost(&error.to_string());
                 false
             }
         }

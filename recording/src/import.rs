@@ -68,7 +68,7 @@ pub fn import(
     let chosen = input.configuration(config)?;
     let Some(with) = with else {
         return write(
-            Both::One(Box::new(input.samples(&chosen.config)?)),
+            ImportSamples::One(Box::new(input.samples(&chosen.config)?)),
             file,
             &chosen,
             out,
@@ -83,39 +83,39 @@ pub fn import(
     let plate = PlateFile::open(with.plate, with.options)?;
     let joined = find(input, &plate, &chosen.config, with.join)?;
     let samples = JoinedSamples::new(input, &plate, &chosen.config, &joined)?;
-    let mut summary = write(Both::Two(Box::new(samples)), file, &chosen, out, input.started_ns())?;
+    let mut summary = write(ImportSamples::Two(Box::new(samples)), file, &chosen, out, input.started_ns())?;
     summary.joined = Some(joined);
     Ok(summary)
 }
 
 /// The samples of one file or of two.
-enum Both<'a> {
+enum ImportSamples<'a> {
     One(Box<Samples<'a>>),
     Two(Box<JoinedSamples<'a>>),
 }
 
-impl Both<'_> {
+impl ImportSamples<'_> {
     fn skipped(&self) -> SkippedData {
         match self {
-            Both::One(samples) => samples.skipped(),
-            Both::Two(samples) => samples.skipped(),
+            ImportSamples::One(samples) => samples.skipped(),
+            ImportSamples::Two(samples) => samples.skipped(),
         }
     }
 }
 
-impl Iterator for Both<'_> {
+impl Iterator for ImportSamples<'_> {
     type Item = Sample;
 
     fn next(&mut self) -> Option<Sample> {
         match self {
-            Both::One(samples) => samples.next(),
-            Both::Two(samples) => samples.next(),
+            ImportSamples::One(samples) => samples.next(),
+            ImportSamples::Two(samples) => samples.next(),
         }
     }
 }
 
 fn write(
-    mut samples: Both<'_>,
+    mut samples: ImportSamples<'_>,
     file: &Path,
     chosen: &Chosen,
     out: &Path,

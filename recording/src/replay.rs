@@ -3,16 +3,16 @@
 //!
 //! There are two schedules. If a recording has cycle records, their ticks, samples and commands are repeated from the
 //! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
-//! records: ticks follow the configured rate, and a sample enters the first tick after its delivery (`free`).
+//! records: ticks follow the configured rate, and a sample enters the first tick after its delivery
+//! (`synthetic_ticks`).
 //!
 //! Layers, lowest first: `capture_file` → `samples`, `pcap`, [`survey`] → [`input`] → `pending` → `feed` → [`score`], [`residual`] →
-//! `machine` → [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
+//! `machine` → [`fidelity`], `recorded`, `synthetic_ticks` → `output`, [`cross_validation`]
 
 mod capture_file;
 pub mod cross_validation;
 mod feed;
 pub mod fidelity;
-pub mod free;
 pub mod input;
 mod machine;
 mod output;
@@ -24,6 +24,7 @@ pub mod samples;
 pub mod score;
 pub mod summary;
 pub mod survey;
+pub mod synthetic_ticks;
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -112,18 +113,19 @@ impl Replay<'_> {
                     })?;
                 if summary.cycles == 0 && survey.samples == 0 {
                     let skipped = input::skipped_of(recording, fidelity.damage);
-                    bail!("{}", with_skipped(free::NO_SAMPLE, &skipped));
+                    bail!("{}", with_skipped(synthetic_ticks::NO_SAMPLE, &skipped));
                 }
                 summary.skipped = input::skipped_of(recording, None);
                 summary.fidelity = Some(fidelity);
             }
             input => {
                 let mut samples = input.samples(self.config)?;
-                let ran = free::run(samples.by_ref(), self.config.period_ns(), &[], |tick, inputs| {
-                    let state = machine.step(tick, inputs);
-                    summary.ingest(state, self.config.period_ns());
-                    write(state, None)
-                });
+                let ran =
+                    synthetic_ticks::run(samples.by_ref(), self.config.period_ns(), &[], |tick, inputs| {
+                        let state = machine.step(tick, inputs);
+                        summary.ingest(state, self.config.period_ns());
+                        write(state, None)
+                    });
                 summary.skipped = samples.skipped();
                 match ran {
                     // Unused parts of the input explain why there are no cycles.

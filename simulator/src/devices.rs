@@ -37,7 +37,7 @@ pub trait Device: Send {
     ///
     /// # Errors
     /// Errors of the operating system; an absent host is no error.
-    fn poll(&mut self, device_now_s: f64) -> io::Result<Asked>;
+    fn poll(&mut self, device_now_s: f64) -> io::Result<HostRequests>;
 
     /// Sample rate by the device's clock; hosts may change it.
     fn rate_hz(&self) -> f64;
@@ -73,9 +73,14 @@ pub trait Protocol: Send {
     ///
     /// # Errors
     /// As [`Device::poll`].
-    fn receive(&mut self, _line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+    fn receive(
+        &mut self,
+        _line: &mut Line,
+        received: &mut Vec<u8>,
+        _device_now_s: f64,
+    ) -> io::Result<HostRequests> {
         received.clear();
-        Ok(Asked::default())
+        Ok(HostRequests::default())
     }
 
     /// Begins the dialogue with a new host.
@@ -125,7 +130,7 @@ impl<P: Protocol> Connected<P> {
 }
 
 impl<P: Protocol> Device for Connected<P> {
-    fn poll(&mut self, device_now_s: f64) -> io::Result<Asked> {
+    fn poll(&mut self, device_now_s: f64) -> io::Result<HostRequests> {
         let received = self.line.port().receive()?;
         let session = self.line.port().session();
         if self.line.is_open() && session != self.session {
@@ -171,7 +176,7 @@ impl<P: Protocol> Device for Connected<P> {
 
 /// Host requests other than samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Asked {
+pub struct HostRequests {
     /// Zero the present load.
     pub zero: bool,
 }

@@ -4,7 +4,7 @@
 //! forces and their points. The other three are drawn here, with the load and, independently, for the same motion without
 //! it; and so is the division of the horizontal force and of the moment about the vertical.
 
-use crate::random::{Random, Wander};
+use crate::random::{BandLimitedNoise, Random};
 
 /// Frequencies of the drawn quantities: from minutes of standing to a few poses of work, Hz.
 pub(crate) const DRAWN_HZ: [f64; 2] = [0.01, 0.3];
@@ -90,20 +90,20 @@ impl FeetDivision {
 /// The drawn quantities as functions of time, independent of each other.
 #[derive(Debug, Clone)]
 pub struct Feet {
-    ahead_m: Wander,
-    aside_m: [Wander; 2],
-    change_fraction: Wander,
-    change_ahead_m: Wander,
-    change_aside_m: Wander,
-    shear: Wander,
-    free_moment: Wander,
+    ahead_m: BandLimitedNoise,
+    aside_m: [BandLimitedNoise; 2],
+    change_fraction: BandLimitedNoise,
+    change_ahead_m: BandLimitedNoise,
+    change_aside_m: BandLimitedNoise,
+    shear: BandLimitedNoise,
+    free_moment: BandLimitedNoise,
 }
 
 impl Feet {
     /// The feet of the person with this seed.
     pub fn new(habits: &FeetHabits, seed: u64) -> Feet {
         let mut random = Random::new(seed, "foot press");
-        let mut drawn = |sigma: f64| Wander::new(&mut random, sigma, DRAWN_HZ[0], DRAWN_HZ[1]);
+        let mut drawn = |sigma: f64| BandLimitedNoise::new(&mut random, sigma, DRAWN_HZ[0], DRAWN_HZ[1]);
         Feet {
             ahead_m: drawn(habits.ahead_m),
             aside_m: std::array::from_fn(|_| drawn(habits.aside_m)),

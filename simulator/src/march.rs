@@ -103,7 +103,7 @@ mod tests {
         for (height_m, mass_kg) in [(1.55, 52.0), (1.77, 72.0), (1.95, 100.0)] {
             let mut worker = Worker::with_habits(Person::new(3, height_m, mass_kg), 3, Habits::ORDINARY);
             worker.march_on_the_spot(1.0, 6);
-            let sole = worker.person().sole_m;
+            let outline = worker.person().foot_outline_m;
             let (mut in_the_air, mut highest_m) = ([0, 0], 0.0_f64);
             for centisecond in 0..1000 {
                 let time_s = f64::from(centisecond) * 0.01;
@@ -121,10 +121,11 @@ mod tests {
                     in_the_air[k] += 1;
                     let (other_m, turn) =
                         (worker.stance().ankle_m[1 - k], worker.stance().world_from_foot[1 - k]);
-                    let on_sole = turn.inverse() * (cop - other_m.xy()).push(0.0);
+                    let on_foot = turn.inverse() * (cop - other_m.xy()).push(0.0);
                     assert!(
-                        on_sole.y.abs() < sole.half_width && (-sole.back..sole.forward).contains(&on_sole.x),
-                        "{height_m} m at {time_s} s, foot {k} in the air: {on_sole:?} of {sole:?}"
+                        on_foot.y.abs() < outline.half_width
+                            && (-outline.back..outline.forward).contains(&on_foot.x),
+                        "{height_m} m at {time_s} s, foot {k} in the air: {on_foot:?} of {outline:?}"
                     );
                 }
             }

@@ -17,12 +17,12 @@ use crate::kinematics::Rotations;
 use crate::march::March;
 use crate::person::Person;
 use crate::pose::Pose;
-use crate::random::{Random, Wander};
+use crate::random::{BandLimitedNoise, Random};
 use crate::reach::{HeldPart, ReachHabits, inclined, reach};
 use crate::schedule::Schedule;
 use crate::stance::Stance;
 use crate::stomp::Stomps;
-use crate::walk::{Place, Walk};
+use crate::walk::{StandingPosition, Walk};
 
 /// Half the span of the central differences of dynamics, s.
 pub(crate) const DIFFERENCE_S: f64 = 0.002;
@@ -163,7 +163,7 @@ pub struct Worker {
     stomps: Vec<Stomps>,
     walk: Walk,
     deviation: Random,
-    sway: [Wander; 4],
+    sway: [BandLimitedNoise; 4],
     feet: Feet,
 }
 
@@ -182,7 +182,7 @@ impl Worker {
         let mut random = Random::new(seed, "sway");
         let [forward, aside] = habits.sway_m;
         let sway = [forward, aside, habits.sway_rad, habits.sway_rad]
-            .map(|sigma| Wander::new(&mut random, sigma, 0.03, 1.0));
+            .map(|sigma| BandLimitedNoise::new(&mut random, sigma, 0.03, 1.0));
         let (pose, balance_m) = (Intention::STAND.pose(), usual_balance_m(&person, &stance));
         let aim = Aim { pose, at_box: 0.0, balance_m, load_down_rad: 0.0 };
         let walk = Walk::new(&person, &stance);
@@ -226,7 +226,7 @@ impl Worker {
     ///
     /// The upper body continues its motion, in the new direction; it should be upright meanwhile, without a box and not
     /// marching.
-    pub fn go(&mut self, at_s: f64, to: Place) -> f64 {
+    pub fn go(&mut self, at_s: f64, to: StandingPosition) -> f64 {
         self.walk.go(at_s, to)
     }
 

@@ -10,7 +10,7 @@ use crate::feet::DRAWN_HZ;
 use crate::kinematics::{Rotations, chain_m};
 use crate::motion::BodyState;
 use crate::person::Person;
-use crate::random::{Random, Wander};
+use crate::random::{BandLimitedNoise, Random};
 
 /// Error sizes of a suit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,7 +18,7 @@ pub struct SuitNoise {
     /// Standard deviation per axis of each segment's constant misalignment, rad.
     pub misalignment_rad: f64,
     /// Standard deviation per axis of each segment's slow orientation drift, rad.
-    pub wander_rad: f64,
+    pub orientation_drift_rad: f64,
     /// Standard deviation per axis of the slow drift of the whole body's position, m.
     pub drift_m: [f64; 3],
     /// Soft tissue: standard deviation of each element of the map from a joint's rotation vector (rad) to the change of
@@ -31,7 +31,7 @@ impl SuitNoise {
     /// About 0.7° per axis, centimetres of drift over minutes.
     pub const ORDINARY: SuitNoise = SuitNoise {
         misalignment_rad: 0.010,
-        wander_rad: 0.005,
+        orientation_drift_rad: 0.005,
         drift_m: [0.03, 0.03, 0.005],
         soft_tissue_m_per_rad: 0.0,
     };
@@ -39,16 +39,20 @@ impl SuitNoise {
     /// in most segments and by up to 60 mm at thigh and trunk; a test checks this size.
     pub const REALISTIC: SuitNoise = SuitNoise { soft_tissue_m_per_rad: 0.008, ..SuitNoise::ORDINARY };
     /// A suit without error.
-    pub const NONE: SuitNoise =
-        SuitNoise { misalignment_rad: 0.0, wander_rad: 0.0, drift_m: [0.0; 3], soft_tissue_m_per_rad: 0.0 };
+    pub const NONE: SuitNoise = SuitNoise {
+        misalignment_rad: 0.0,
+        orientation_drift_rad: 0.0,
+        drift_m: [0.0; 3],
+        soft_tissue_m_per_rad: 0.0,
+    };
 }
 
 /// A suit with errors.
 #[derive(Debug, Clone)]
 pub struct Suit {
     misalignment: Rotations,
-    wander: [[Wander; 3]; SEGMENTS],
-    drift: [Wander; 3],
+    orientation_drift: [[BandLimitedNoise; 3]; SEGMENTS],
+    drift: [BandLimitedNoise; 3],
     /// Change of the bone to each segment's origin, parent's axes, per rotation of its joint, m/rad.
     soft_tissue: [Matrix3<f64>; SEGMENTS],
     colour: Option<SuitColour>,
@@ -63,12 +67,14 @@ impl Suit {
                 noise.misalignment_rad * random.normal()
             }))
         });
-        let wander = std::array::from_fn(|_| {
-            std::array::from_fn(|_| Wander::new(&mut random, noise.wander_rad, 0.005, 0.05))
+        let orientation_drift = std::array::from_fn(|_| {
+            std::array::from_fn(|_| {
+                BandLimitedNoise::new(&mut random, noise.orientation_drift_rad, 0.005, 0.05)
+            })
         });
-        let drift = noise.drift_m.map(|sigma| Wander::new(&mut random, sigma, 0.001, 0.01));
+        let drift = noise.drift_m.map(|sigma| BandLimitedNoise::new(&mut random, sigma, 0.001, 0.01));
         let soft_tissue = soft_tissue(noise.soft_tissue_m_per_rad, seed);
-        Suit { misalignment, wander, drift, soft_tissue, colour: None }
+        Suit { misalignment, orientation_drift, drift, soft_tissue, colour: None }
     }
 
     /// The same with errors that depend on pose and time.
@@ -84,8 +90,10 @@ impl Suit {
     pub fn see(&self, person: &Person, body: &BodyState) -> ([Vector3<f64>; SEGMENTS], Rotations) {
         let t = body.time_s;
         let seen: Rotations = std::array::from_fn(|i| {
-            let wander = Vector3::from_fn(|axis, _| self.wander[i][axis].at(t));
-            body.world_from_segment[i] * UnitQuaternion::from_scaled_axis(wander) * self.misalignment[i]
+            let orientation_drift = Vector3::from_fn(|axis, _| self.orientation_drift[i][axis].at(t));
+            body.world_from_segment[i]
+                * UnitQuaternion::from_scaled_axis(orientation_drift)
+                * self.misalignment[i]
         });
         let seen = match &self.colour {
             Some(colour) => colour.on(seen, body),
@@ -203,12 +211,12 @@ impl ZeroDrift {
 pub struct Insoles {
     gain: [f64; 2],
     /// Error of each foot's centre of pressure, insole's axes, m.
-    cop: [[Wander; 2]; 2],
+    cop: [[BandLimitedNoise; 2]; 2],
 }
 
 impl Insoles {
     /// Insoles without error.
-    pub const NONE: Insoles = Insoles { gain: [1.0; 2], cop: [[Wander::NONE; 2]; 2] };
+    pub const NONE: Insoles = Insoles { gain: [1.0; 2], cop: [[BandLimitedNoise::NONE; 2]; 2] };
     /// Standard deviation of a gain: the middle of the deviations above.
     const GAIN_SIGMA: f64 = 0.04;
     /// Standard deviation of the error of a centre of pressure along each axis, m: the sideways one above, which depends
@@ -222,7 +230,9 @@ impl Insoles {
         let mut random = Random::new(seed, "insole centre of pressure");
         let [slowest_hz, fastest_hz] = DRAWN_HZ;
         let cop = std::array::from_fn(|_| {
-            std::array::from_fn(|_| Wander::new(&mut random, Insoles::COP_SIGMA_M, slowest_hz, fastest_hz))
+            std::array::from_fn(|_| {
+                BandLimitedNoise::new(&mut random, Insoles::COP_SIGMA_M, slowest_hz, fastest_hz)
+            })
         });
         Insoles { gain, cop }
     }

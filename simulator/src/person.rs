@@ -28,13 +28,13 @@ pub struct Person {
     pub grip_m: [Vector3<f64>; 2],
     /// Height of the ankle joint above the floor in flat standing, m.
     pub ankle_height_m: f64,
-    /// The foot's sole, from the ankle: back to the heel, forward to the tip of the toes, half its width, m.
-    pub sole_m: Sole,
+    /// Foot outline, from the ankle: back to the heel, forward to the tip of the toes, half its width, m.
+    pub foot_outline_m: FootOutline,
 }
 
-/// Extent of a sole on the floor, from the point below the ankle, m.
+/// Foot outline on the floor, from the point below the ankle, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sole {
+pub struct FootOutline {
     /// Ankle to heel.
     pub back: f64,
     /// Ankle to the tip of the toes.
@@ -67,7 +67,7 @@ const fn average(
 }
 
 const ANKLE_HEIGHT: f64 = 0.050;
-const SOLE: Sole = Sole { back: 0.036, forward: 0.122, half_width: 0.027 };
+const FOOT_OUTLINE: FootOutline = FootOutline { back: 0.036, forward: 0.122, half_width: 0.027 };
 const GRIP: f64 = 0.050;
 
 /// Midline and left side; the right side mirrors the left.
@@ -101,10 +101,10 @@ impl Person {
             inertia_kg_m2: [Matrix3::zeros(); SEGMENTS],
             grip_m: [Vector3::new(0.0, GRIP * height_m, 0.0), Vector3::new(0.0, -GRIP * height_m, 0.0)],
             ankle_height_m: ANKLE_HEIGHT * height_m,
-            sole_m: Sole {
-                back: SOLE.back * height_m,
-                forward: SOLE.forward * height_m,
-                half_width: SOLE.half_width * height_m,
+            foot_outline_m: FootOutline {
+                back: FOOT_OUTLINE.back * height_m,
+                forward: FOOT_OUTLINE.forward * height_m,
+                half_width: FOOT_OUTLINE.half_width * height_m,
             },
         };
         for row in &AVERAGE {

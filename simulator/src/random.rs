@@ -47,25 +47,25 @@ impl Random {
     }
 }
 
-/// A slow random function of time: a few sines of unrelated frequencies and random phases.
+/// Slow band-limited noise: a sum of a few sines of unrelated frequencies and random phases.
 ///
 /// Evaluated at any time in any order, and smooth, so that it has a velocity and an acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Wander {
-    sines: [(f64, f64, f64); Wander::SINES], // amplitude, rad/s, phase
+pub struct BandLimitedNoise {
+    sines: [(f64, f64, f64); BandLimitedNoise::SINES], // amplitude, rad/s, phase
 }
 
-impl Wander {
+impl BandLimitedNoise {
     const SINES: usize = 5;
     /// Zero at all times.
-    pub const NONE: Wander = Wander { sines: [(0.0, 0.0, 0.0); Wander::SINES] };
+    pub const NONE: BandLimitedNoise = BandLimitedNoise { sines: [(0.0, 0.0, 0.0); BandLimitedNoise::SINES] };
 
     /// One of standard deviation `sigma` with frequencies between two bounds in hertz.
-    pub fn new(random: &mut Random, sigma: f64, slowest_hz: f64, fastest_hz: f64) -> Wander {
-        let Wander { mut sines } = Wander::NONE;
+    pub fn new(random: &mut Random, sigma: f64, slowest_hz: f64, fastest_hz: f64) -> BandLimitedNoise {
+        let BandLimitedNoise { mut sines } = BandLimitedNoise::NONE;
         let mut power = 0.0;
         for (index, sine) in sines.iter_mut().enumerate() {
-            let fraction = (index as f64 + random.unit()) / Wander::SINES as f64;
+            let fraction = (index as f64 + random.unit()) / BandLimitedNoise::SINES as f64;
             let hertz = slowest_hz * (fastest_hz / slowest_hz).powf(fraction);
             // Lower frequencies have larger amplitudes, as in a person's sway.
             let amplitude = (slowest_hz / hertz).sqrt();
@@ -75,7 +75,7 @@ impl Wander {
         for sine in &mut sines {
             sine.0 *= sigma / power.sqrt();
         }
-        Wander { sines }
+        BandLimitedNoise { sines }
     }
 
     /// The value at a time in seconds.
@@ -84,8 +84,8 @@ impl Wander {
     }
 }
 
-/// An Ornstein–Uhlenbeck process, smoothed, as a function of time: noise with a broad spectrum, unlike a [`Wander`], in
-/// which a search for a period would find one.
+/// A smoothed Ornstein–Uhlenbeck process as a function of time. Its spectrum is broad; in a [`BandLimitedNoise`] a search
+/// for a period would find one.
 ///
 /// Evaluated at any time in any order; it has a velocity and an acceleration.
 #[derive(Debug, Clone)]

@@ -30,7 +30,7 @@ use crate::settings::{SimulationSettings, SuitSettings};
 use crate::suit_sender::{SuitSender, SuitWorld, frame_at};
 use crate::threads::Threads;
 use crate::truth::Truth;
-use crate::walk::Place;
+use crate::walk::StandingPosition;
 
 /// Delay between a command and its effect, so that no sensor has already sampled the time from which it applies, s.
 const REACTION_S: f64 = 0.02;
@@ -307,7 +307,7 @@ impl SimulationHandle {
 
     /// The worker walks to another place: [`Worker::go`]; the first step begins in `in_s` seconds. Less than 2.5 would
     /// cause a jump, since the body leans before a step. Returns its end, s.
-    pub fn go(&self, in_s: f64, to: Place) -> f64 {
+    pub fn go(&self, in_s: f64, to: StandingPosition) -> f64 {
         let mut end_s = 0.0;
         self.command(|worker, at_s| end_s = worker.go(at_s + in_s, to));
         end_s

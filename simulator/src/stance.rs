@@ -43,8 +43,8 @@ impl Stance {
     ) -> Vec<Vector2<f64>> {
         let mut corners = Vec::new();
         for k in (0..2).filter(|&k| carries[k]) {
-            for x in [-person.sole_m.back, person.sole_m.forward] {
-                for y in [-person.sole_m.half_width, person.sole_m.half_width] {
+            for x in [-person.foot_outline_m.back, person.foot_outline_m.forward] {
+                for y in [-person.foot_outline_m.half_width, person.foot_outline_m.half_width] {
                     corners.push((ankle_m[k] + world_from_foot[k] * Vector3::new(x, y, 0.0)).xy());
                 }
             }

@@ -17,14 +17,14 @@ const STARTED_AT_MS: u32 = 12 * 3600 * 1000;
 const PHALANGES: [f64; 4] = [0.4, 1.4, 2.0, 2.4];
 
 /// Segment origins and rotations at one time.
-pub(crate) type Seen = ([Point3<f64>; SEGMENTS], Rotations);
+pub(crate) type SegmentPoses = ([Point3<f64>; SEGMENTS], Rotations);
 
 /// The selected ones of these streams, from three states `step_s` apart.
 pub(crate) fn more(
     streams: Streams,
     time_code_ms: u32,
     grip_m: &[Vector3<f64>; 2],
-    [before, now, after]: &[Seen; 3],
+    [before, now, after]: &[SegmentPoses; 3],
     step_s: f64,
 ) -> More {
     let (origin_m, rotation) = now;
@@ -106,7 +106,7 @@ fn ergonomic_deg(rotation: &Rotations) -> [[f64; 3]; 6] {
 }
 
 /// Twenty segments a hand, left first: the carpus, three of the thumb, four of each finger, stretched and apart.
-fn fingers((origin_m, rotation): &Seen, grip_m: &[Vector3<f64>; 2]) -> Vec<([f64; 3], [f64; 4])> {
+fn fingers((origin_m, rotation): &SegmentPoses, grip_m: &[Vector3<f64>; 2]) -> Vec<([f64; 3], [f64; 4])> {
     let mut segments = Vec::new();
     for (side, grip) in [Side::Left, Side::Right].into_iter().zip(grip_m) {
         let hand = if side == Side::Left { Segment::LeftHand } else { Segment::RightHand }.index();

@@ -10,7 +10,7 @@ use crate::faults::Faults;
 use crate::kinematics::{centre_m, relative_to_parents};
 use crate::motion::Worker;
 use crate::noise::Suit;
-use crate::suit_more::{Seen, more};
+use crate::suit_more::{SegmentPoses, more};
 use crate::wire::{More, SuitFrame, introduction, joint_angles_deg};
 
 /// Half the span of the differences for velocity and acceleration, s.
@@ -152,7 +152,7 @@ pub fn frame_at(
     let motion = streams.linear_kinematics.then(|| {
         std::array::from_fn(|i| motion_of([before.0[i].coords, origin_m[i].coords, after.0[i].coords]))
     });
-    let com = |(origin_m, rotation): &Seen| {
+    let com = |(origin_m, rotation): &SegmentPoses| {
         // MVN's own model is an average body, not this subject's.
         let average = crate::person::Person::nominal(worker.person().height_m, worker.person().mass_kg);
         let coms: Vec<_> =

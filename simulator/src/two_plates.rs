@@ -45,8 +45,8 @@ pub fn ground_sample(feet: &[Wrench; 2]) -> GroundSample {
 /// The sample of insoles: force on each sole and its point of action, from the middle, forward and to the left. Feet
 /// are assumed flat. Times, counters and sequence are left to the caller.
 pub fn insole_sample(worker: &Worker, time_s: f64, feet: &[Wrench; 2]) -> GroundSample {
-    let (body, sole) = (worker.sample(time_s), worker.person().sole_m);
-    let middle_m = 0.5 * (sole.forward - sole.back);
+    let (body, outline) = (worker.sample(time_s), worker.person().foot_outline_m);
+    let middle_m = 0.5 * (outline.forward - outline.back);
     let on_sole = |side: Side| {
         let (foot, index) = (&feet[side as usize], side.foot().index());
         if foot.force_n.z <= 0.0 {

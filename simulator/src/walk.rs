@@ -32,16 +32,17 @@ const FORESIGHT: (f64, f64) = (2.4, 0.03);
 
 /// Position of a standing person: the point between the feet and the direction of the toes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Place {
+pub struct StandingPosition {
     /// Between the ankles, m.
     pub middle_m: Vector2<f64>,
     /// Rotation to the left, rad; 0 faces along X.
     pub heading_rad: f64,
 }
 
-impl Place {
+impl StandingPosition {
     /// Start position.
-    pub const HOME: Place = Place { middle_m: Vector2::new(0.0, 0.0), heading_rad: 0.0 };
+    pub const HOME: StandingPosition =
+        StandingPosition { middle_m: Vector2::new(0.0, 0.0), heading_rad: 0.0 };
 
     fn turn(&self) -> UnitQuaternion<f64> {
         UnitQuaternion::from_scaled_axis(Vector3::z() * self.heading_rad)
@@ -68,8 +69,8 @@ struct Foot {
 #[derive(Debug, Clone, Copy)]
 struct Pair {
     start_s: f64,
-    from: Place,
-    to: Place,
+    from: StandingPosition,
+    to: StandingPosition,
     /// The foot that moves first, an index into [`Side::BOTH`].
     first: usize,
 }
@@ -113,8 +114,8 @@ impl Walk {
 
     /// Walks to a place, in as many pairs of steps as required; returns its end, s. It begins after any earlier
     /// walking.
-    pub fn go(&mut self, start_s: f64, to: Place) -> f64 {
-        let from = self.pairs.last().map_or(Place::HOME, |pair| pair.to);
+    pub fn go(&mut self, start_s: f64, to: StandingPosition) -> f64 {
+        let from = self.pairs.last().map_or(StandingPosition::HOME, |pair| pair.to);
         let turn_rad = to.heading_rad - from.heading_rad;
         let way_m = to.middle_m - from.middle_m;
         let paces = (way_m.norm() / PACE.0).max(turn_rad.abs() / PACE.1).ceil().max(1.0);
@@ -123,7 +124,7 @@ impl Walk {
         let mut here = from;
         for pace in 1..=paces as u32 {
             let fraction = f64::from(pace) / paces;
-            let next = Place {
+            let next = StandingPosition {
                 middle_m: from.middle_m + way_m * fraction,
                 heading_rad: from.heading_rad + turn_rad * fraction,
             };
@@ -135,7 +136,7 @@ impl Walk {
     }
 
     /// Moves both feet once; the foot on the side of the rotation, or of the direction, moves first.
-    fn step(&mut self, start_s: f64, from: Place, to: Place) {
+    fn step(&mut self, start_s: f64, from: StandingPosition, to: StandingPosition) {
         let left = from.turn() * Vector3::y();
         let leftwards =
             (to.heading_rad - from.heading_rad) * 0.2 + left.xy().dot(&(to.middle_m - from.middle_m));
@@ -229,7 +230,7 @@ impl Walk {
     /// A foot at a time, and its lift height.
     fn foot(&self, time_s: f64, k: usize) -> (Foot, f64) {
         let Some(pair) = self.pairs.iter().rfind(|pair| pair.swing_start_s(k) <= time_s) else {
-            let place = self.pairs.first().map_or(Place::HOME, |pair| pair.from);
+            let place = self.pairs.first().map_or(StandingPosition::HOME, |pair| pair.from);
             return (place.foot(&self.home, k), 0.0);
         };
         let fraction = (time_s - pair.swing_start_s(k)) / SWING_S;
@@ -254,11 +255,11 @@ mod tests {
     use super::*;
     use crate::motion::{Habits, Worker};
 
-    const AROUND: [(f64, Place); 4] = [
-        (1.0, Place { middle_m: Vector2::new(0.05, -0.04), heading_rad: 0.6 }),
-        (9.0, Place { middle_m: Vector2::new(-0.05, 0.05), heading_rad: -0.7 }),
-        (18.0, Place { middle_m: Vector2::new(-0.02, 0.02), heading_rad: 0.87 }),
-        (26.0, Place { middle_m: Vector2::new(0.18, 0.02), heading_rad: 0.87 }),
+    const AROUND: [(f64, StandingPosition); 4] = [
+        (1.0, StandingPosition { middle_m: Vector2::new(0.05, -0.04), heading_rad: 0.6 }),
+        (9.0, StandingPosition { middle_m: Vector2::new(-0.05, 0.05), heading_rad: -0.7 }),
+        (18.0, StandingPosition { middle_m: Vector2::new(-0.02, 0.02), heading_rad: 0.87 }),
+        (26.0, StandingPosition { middle_m: Vector2::new(0.18, 0.02), heading_rad: 0.87 }),
     ];
 
     #[test]

@@ -12,7 +12,7 @@ use equipoise_simulator::truth::back::BackLoad;
 use nalgebra::Vector3;
 
 use crate::session::{Session, Snapshot};
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::Table;
 use crate::tally::{Coverage, Sums, percent};
 
@@ -199,7 +199,7 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
     let count = cohort.count;
     let cohort = cohort.subjects();
     let mut sums = Findings::default();
-    for findings in ask_all(&cohort, subject) {
+    for findings in map_in_parallel(&cohort, subject) {
         for (sum, task) in sums.by_task.iter_mut().flatten().zip(findings.by_task.iter().flatten()) {
             sum.merge(task);
         }

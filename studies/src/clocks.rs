@@ -7,7 +7,7 @@ use equipoise_simulator::repertoire::{BOX_LOW, LIFTING};
 
 use crate::sensors::Rig;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tasks::{CopErrors, publishes_cop};
 
@@ -203,7 +203,7 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
         .flat_map(|case| cohort.iter().map(move |subject| (*case, *subject)))
         .flat_map(|(case, subject)| [false, true].map(|align| (case, subject, align)))
         .collect();
-    let sums = ask_all(&questions, |(case, subject, align)| work(subject, *case, *align));
+    let sums = map_in_parallel(&questions, |(case, subject, align)| work(subject, *case, *align));
     for (case, sums) in CASES.iter().zip(sums.chunks(2 * count)) {
         let corrected = || sums.iter().skip(1).step_by(2);
         let mut row: Vec<Cell> = vec![case.0.into()];

@@ -11,7 +11,7 @@ pub mod station;
 use equipoise_core::body::Joint;
 use equipoise_core::handover::experience::LimitRatio;
 
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::{Sums, quartiles};
 use course::{Course, Purpose};
@@ -90,7 +90,7 @@ pub fn findings(subject: &Subject) -> Option<Findings> {
 /// The tables.
 pub fn study(cohort: &Cohort) -> Vec<Table> {
     let subjects = cohort.subjects();
-    let all = ask_all(&subjects, findings);
+    let all = map_in_parallel(&subjects, findings);
     let mut workers = Table::new(
         format!("Limit ratio of the worst joint with {PART_KG} kg, fixed place against assisted"),
         &[
@@ -285,7 +285,7 @@ mod tests {
     #[test]
     fn no_assisted_place_overloads_and_the_arm_keeps_its_limits() {
         let subjects: Vec<Subject> = (720..722).map(Subject::random).collect();
-        for (subject, findings) in subjects.iter().zip(ask_all(&subjects, findings)) {
+        for (subject, findings) in subjects.iter().zip(map_in_parallel(&subjects, findings)) {
             let findings = findings.unwrap();
             let [before, after] = findings.both().unwrap();
             assert!(!findings.rises(), "{}: {findings:?}", subject.seed);

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::session::{Session, Snapshot};
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::Table;
 use crate::tally::{Coverage, GROUPS, PlanarCoverage, joints_of};
 use crate::tasks::{publishes_cop, publishes_torques};
@@ -98,8 +98,9 @@ pub fn deviations(subject: &Subject) -> [Deviations; 2] {
 
 /// The table.
 pub fn study(cohort: &Cohort) -> Vec<Table> {
-    let people =
-        ask_all(&cohort.subjects(), |subject| deviations(subject).map(|deviations| deviations.rows()));
+    let people = map_in_parallel(&cohort.subjects(), |subject| {
+        deviations(subject).map(|deviations| deviations.rows())
+    });
     let mut table = Table::new(
         format!("Coverage of errors by the published sigma ({} subjects, default method)", cohort.count),
         &[

@@ -13,7 +13,7 @@ pub use errors::{Errors, Scalar};
 use crate::natural::Movements;
 use crate::sensors::{AccelerationNoise, Rig};
 use crate::session::{Session, Snapshot};
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::{GROUPS, Sums, joints_of, percent};
 use crate::tasks::publishes_torques;
@@ -307,7 +307,7 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
     );
     for (name, suit) in SUITS {
         let mut sum = Findings::default();
-        for one in ask_all(&cohort, |subject| findings(subject, suit)) {
+        for one in map_in_parallel(&cohort, |subject| findings(subject, suit)) {
             sum.merge(&one);
         }
         let age = |which: usize, probability: f64| quantile_ms(&sum.ages_s[which], probability).into();
@@ -393,7 +393,7 @@ mod tests {
         let suits: Vec<_> = SUITS.into_iter().filter(|(_, suit)| suit.white_m == 0.0).collect();
         let questions: Vec<_> =
             [3, 4].into_iter().flat_map(|seed| suits.iter().map(move |suit| (seed, *suit))).collect();
-        let all = ask_all(&questions, |(seed, (_, suit))| findings(&Subject::random(*seed), *suit));
+        let all = map_in_parallel(&questions, |(seed, (_, suit))| findings(&Subject::random(*seed), *suit));
         for (name, _) in suits {
             let mut sum = Findings::default();
             for (_, one) in questions.iter().zip(&all).filter(|((_, (of, _)), _)| *of == name) {

@@ -9,7 +9,7 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 use crate::lifting::PublicationTally;
 use crate::natural::Movements;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
 use crate::tasks::publishes_torques;
@@ -189,7 +189,7 @@ fn one(
 
 /// The table.
 pub fn study(cohort: &Cohort) -> Vec<Table> {
-    let all = ask_all(&cohort.subjects(), |subject| faults(subject, &Fault::ALL, true));
+    let all = map_in_parallel(&cohort.subjects(), |subject| faults(subject, &Fault::ALL, true));
     let mut table = Table::new(
         format!("Detection of undeclared sensor faults during work ({} subjects)", cohort.count),
         &[
@@ -274,7 +274,7 @@ mod tests {
             Fault::IdentityArms,
         ];
         let seeds = [3, 4];
-        let all = ask_all(&seeds, |seed| faults(&Subject::random(*seed), &wanted, false));
+        let all = map_in_parallel(&seeds, |seed| faults(&Subject::random(*seed), &wanted, false));
         for (seed, outcomes) in seeds.iter().zip(all) {
             for (fault, outcome) in outcomes {
                 let Outcome { wrong, noticed_s, back_s, tally, states, .. } = &outcome;

@@ -24,7 +24,7 @@ use equipoise_simulator::truth::static_overload_nm;
 use nalgebra::Vector3;
 
 use crate::session::Session;
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::quartiles;
 
@@ -320,7 +320,7 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
     );
     best.note("in the middle: with turning handles");
     for handovers in HANDOVERS {
-        let all = ask_all(&subjects, |subject| findings(subject, handovers));
+        let all = map_in_parallel(&subjects, |subject| findings(subject, handovers));
         table.push(row_of_places(handovers, &all));
         best.push(row_of_best(handovers, &all));
     }
@@ -375,7 +375,7 @@ mod tests {
     #[test]
     fn predictions_are_as_sure_as_they_say_and_three_handovers_find_a_good_place() {
         let subjects: Vec<Subject> = (700..708).map(Subject::random).collect();
-        let all = ask_all(&subjects, |subject| findings(subject, 3));
+        let all = map_in_parallel(&subjects, |subject| findings(subject, 3));
         let held: Vec<&Held> = all.iter().flat_map(|findings| &findings.held).collect();
         let within =
             held.iter().filter(|held| (held.predicted - held.truth).abs() < 2.0 * held.sigma).count();

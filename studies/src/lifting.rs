@@ -6,7 +6,7 @@ use equipoise_core::overload::Level;
 
 use crate::sensors::{Ground, Rig};
 use crate::session::{Output, Session, Snapshot};
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, percent};
 use crate::tasks::{CopErrors, publishes_torques};
@@ -171,7 +171,7 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
         (paper, paper_motion, Ground::Plate),
     ] {
         let mut sum = Findings::default();
-        for findings in ask_all(&cohort, |subject| findings(subject, motion, ground)) {
+        for findings in map_in_parallel(&cohort, |subject| findings(subject, motion, ground)) {
             for ((torques, published), (others, others_published)) in
                 sum.lifting.iter_mut().zip(&findings.lifting)
             {

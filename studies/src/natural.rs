@@ -12,7 +12,7 @@ use crate::clocks::{self, Reading};
 use crate::lifting::PublicationTally;
 use crate::sensors::Rig;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::{Coverage, Sums, percent, quartiles};
 use crate::tasks::CopErrors;
@@ -337,7 +337,9 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
     let count = cohort.count;
     let cohort = cohort.subjects();
     let ask = |suit_hz: u32, end_s: f64| {
-        ask_all(&cohort, |subject| simulate(subject, subject.settings(), rig(subject, suit_hz), end_s))
+        map_in_parallel(&cohort, |subject| {
+            simulate(subject, subject.settings(), rig(subject, suit_hz), end_s)
+        })
     };
     let results = ask(SUIT_HZ, READ_S[1]);
     let mut each = Table::new(

@@ -4,7 +4,7 @@ use equipoise_core::cycle::Settings;
 use equipoise_core::sesc::ReductionKind;
 
 use crate::session::Session;
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, Sums, quartiles};
 use crate::tasks::{CopErrors, Identified, publishes_torques};
@@ -59,8 +59,8 @@ pub fn trial(subject: &Subject, settings: Settings) -> Trial {
             }
         }
     });
-    let sole = subject.person().sole_m;
-    Trial { identified, cop, base_m: sole.back + sole.forward, before, lifting }
+    let outline = subject.person().foot_outline_m;
+    Trial { identified, cop, base_m: outline.back + outline.forward, before, lifting }
 }
 
 /// The settings of the tables' rows.
@@ -106,7 +106,7 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
         ],
     );
     for variant in 0..4 {
-        let trials = ask_all(&subjects, |subject| trial(subject, variants(subject)[variant].1));
+        let trials = map_in_parallel(&subjects, |subject| trial(subject, variants(subject)[variant].1));
         let name = variants(&subjects[0])[variant].0;
         identification.push(identification_row(name, &trials));
         let (mut before, mut lifting) = (ByGroup::default(), ByGroup::default());

@@ -7,7 +7,7 @@ use equipoise_core::static_pose::Window;
 use nalgebra::Vector2;
 
 use crate::session::Session;
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::quartiles;
 use crate::tasks::POSE_S;
@@ -101,7 +101,8 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
                 .extend(cohort.iter().map(|subject| (*subject, (prior_name, prior), (choice_name, choice))));
         }
     }
-    let courses = ask_all(&questions, |(subject, (_, prior), (_, choice))| course(subject, *prior, *choice));
+    let courses =
+        map_in_parallel(&questions, |(subject, (_, prior), (_, choice))| course(subject, *prior, *choice));
     let mut table = Table::new(
         format!("Poses until the CoP error is below 10 mm ({count} subjects each)"),
         &[

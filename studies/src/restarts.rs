@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 
 use crate::natural::Movements;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
 
@@ -195,7 +195,7 @@ fn one(session: &mut Session, movements: &mut Movements, restart: Restart, rando
 /// The table.
 pub fn study(cohort: &Cohort) -> Vec<Table> {
     let subjects = cohort.subjects();
-    let outcomes: Vec<Outcome> = ask_all(&subjects, |subject| {
+    let outcomes: Vec<Outcome> = map_in_parallel(&subjects, |subject| {
         restarts(subject, |random| Restart::ALL[(4.0 * random.unit()) as usize % 4])
     })
     .into_iter()
@@ -260,7 +260,7 @@ mod tests {
         // Motion that says little about the heading takes longer in one of 20 restarts of a suit (docs/state.md).
         let (mut times, mut late) = (0, 0);
         let seeds = [0, 1, 2];
-        let all = ask_all(&seeds, |seed| {
+        let all = map_in_parallel(&seeds, |seed| {
             restarts(&Subject::random(*seed), |random| Restart::ALL[(4.0 * random.unit()) as usize % 4])
         });
         for (seed, outcomes) in seeds.iter().zip(all) {

@@ -6,7 +6,7 @@ use equipoise_core::message::Validity;
 use crate::lifting::see_lifted;
 use crate::sensors::{AccelerationNoise, Ground, Rig};
 use crate::session::{Session, Snapshot};
-use crate::subject::{Cohort, Subject, ask_all};
+use crate::subject::{Cohort, Subject, map_in_parallel};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, Sums, percent};
 use crate::tasks::{CopErrors, publishes_cop};
@@ -123,7 +123,7 @@ fn table(title: String, first: &'static str, second: &'static str) -> Table {
 
 fn row(names: [&str; 2], cohort: &[Subject], ask: impl Fn(&Subject) -> Findings + Sync) -> Vec<Cell> {
     let mut sum = Findings::default();
-    for findings in ask_all(cohort, ask) {
+    for findings in map_in_parallel(cohort, ask) {
         sum.merge(&findings);
     }
     let mut row: Vec<Cell> = names.map(Cell::from).to_vec();
@@ -232,7 +232,8 @@ mod tests {
 
     #[test]
     fn insoles_without_error_measure_what_two_plates_measure_except_the_shear() {
-        let both = ask_all(&[Ground::TwoPlates, Ground::Insoles], |ground| of(*ground, Insoles::NONE));
+        let both =
+            map_in_parallel(&[Ground::TwoPlates, Ground::Insoles], |ground| of(*ground, Insoles::NONE));
         let [plates, insoles] = both[..] else { panic!("{} results", both.len()) };
         let mm = |cop: &CopErrors| 1e3 * cop.distance_rms_m();
         assert!(mm(&insoles.still) < 6.0, "{} mm standing", mm(&insoles.still));

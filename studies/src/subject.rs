@@ -101,26 +101,26 @@ impl Subject {
     }
 }
 
-/// Results of `ask` for each subject, in their order, on as many threads as there are processors.
-pub fn ask_all<Q: Sync, T: Send>(questions: &[Q], ask: impl Fn(&Q) -> T + Sync) -> Vec<T> {
+/// Applies `function` to all items on as many threads as there are processors; results are in the order of the items.
+pub fn map_in_parallel<I: Sync, T: Send>(items: &[I], function: impl Fn(&I) -> T + Sync) -> Vec<T> {
     let next = AtomicUsize::new(0);
-    let answers = Mutex::new(Vec::with_capacity(questions.len()));
-    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(questions.len());
+    let results = Mutex::new(Vec::with_capacity(items.len()));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(items.len());
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
-                while let Some(question) =
-                    Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < questions.len())
+                while let Some(index) =
+                    Some(next.fetch_add(1, Ordering::Relaxed)).filter(|&index| index < items.len())
                 {
-                    let answer = ask(&questions[question]);
-                    answers.lock().unwrap_or_else(PoisonError::into_inner).push((question, answer));
+                    let result = function(&items[index]);
+                    results.lock().unwrap_or_else(PoisonError::into_inner).push((index, result));
                 }
             });
         }
     });
-    let mut answers = answers.into_inner().unwrap_or_else(PoisonError::into_inner);
-    answers.sort_by_key(|(index, _)| *index);
-    answers.into_iter().map(|(_, answer)| answer).collect()
+    let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
 }
 
 #[cfg(test)]
@@ -140,11 +140,11 @@ mod tests {
     }
 
     #[test]
-    fn answers_stand_in_the_order_of_the_questions() {
-        let questions: Vec<u64> = (0..50).collect();
+    fn results_are_in_the_order_of_the_items() {
+        let items: Vec<u64> = (0..50).collect();
         assert_eq!(
-            ask_all(&questions, |question| question * question),
-            questions.iter().map(|q| q * q).collect::<Vec<_>>()
+            map_in_parallel(&items, |item| item * item),
+            items.iter().map(|item| item * item).collect::<Vec<_>>()
         );
     }
 }

@@ -7,7 +7,7 @@ use equipoise_studies::natural::Movements;
 use equipoise_studies::restarts::BEGINS_S;
 use equipoise_studies::sensors::Rig;
 use equipoise_studies::session::Session;
-use equipoise_studies::subject::{Subject, ask_all};
+use equipoise_studies::subject::{Subject, map_in_parallel};
 use nalgebra::Vector3;
 
 /// Rounding errors of the distance, m.
@@ -47,7 +47,7 @@ fn apart_m(worker: &Worker, until_s: f64) -> Vec<f64> {
 fn the_hands_are_as_far_apart_as_a_box_is_wide_in_every_task() {
     for (name, task) in TASKS {
         let subjects: Vec<Subject> = (0..25).map(Subject::random).collect();
-        let all = ask_all(&subjects, |subject| {
+        let all = map_in_parallel(&subjects, |subject| {
             // The estimator is not tested: few samples.
             let rig = Rig { suit_hz: 20, plate_hz: 20, ..subject.rig() };
             let mut session = Session::with(subject, subject.settings(), rig, subject.habits());

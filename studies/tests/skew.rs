@@ -4,13 +4,13 @@ use equipoise_core::message::Validity;
 use equipoise_studies::clocks::{lift_round, read};
 use equipoise_studies::sensors::Rig;
 use equipoise_studies::session::Session;
-use equipoise_studies::subject::{Subject, ask_all};
+use equipoise_studies::subject::{Subject, map_in_parallel};
 
 #[test]
 fn the_skew_of_a_late_suit_is_found_and_none_where_there_is_none() {
     let questions: Vec<(u64, u64)> =
         [0, 12, 30].into_iter().flat_map(|late_ms| [3, 4].map(|seed| (late_ms, seed))).collect();
-    let published = ask_all(&questions, |(late_ms, seed)| {
+    let published = map_in_parallel(&questions, |(late_ms, seed)| {
         let subject = Subject::random(*seed);
         let rig = Rig { suit_late_ns: late_ms * 1_000_000, ..Rig::ORDINARY };
         let mut session = Session::with(&subject, subject.settings(), rig, subject.habits());

@@ -299,7 +299,7 @@ impl<R: Read> BioWareCapture<R> {
             Load::Wrench(wrench) => Ok((wrench, 0)),
             Load::Part { wrench, not_measured } => Ok((wrench, not_measured)),
             // No layout contains insoles.
-            Load::Soles(_) => Err("not_a_number"),
+            Load::Insoles(_) => Err("not_a_number"),
         }
     }
 }

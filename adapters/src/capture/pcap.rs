@@ -170,7 +170,7 @@ impl PcapCapture {
     fn end(&mut self, fault: Option<PcapError>) {
         self.ended = true;
         self.fault = fault;
-        for _ in 0..self.assembler.forget_incomplete() {
+        for _ in 0..self.assembler.discard_incomplete() {
             self.rejected.count("fragments_missing", self.packets);
         }
     }
@@ -204,7 +204,7 @@ impl Iterator for PcapCapture {
                 Item::Unusable(reason) => Err(reason),
                 Item::Packet(packet) if !packet.is_complete => Err("cut_short"),
                 Item::Packet(packet) => {
-                    self.assembler.take(packet.time_ns, packet.link_type, packet.interface, packet.bytes)
+                    self.assembler.ingest(packet.time_ns, packet.link_type, packet.interface, packet.bytes)
                 }
             };
             self.window.pass(used);

@@ -43,19 +43,19 @@ mod link_type {
 pub(super) struct UdpAssembler {
     fragments: IpDefragPool<u64, u32>,
     /// Count of discarded datagrams.
-    given_up: u64,
+    discarded: u64,
 }
 
 impl UdpAssembler {
     pub(super) fn new() -> UdpAssembler {
-        UdpAssembler { fragments: IpDefragPool::new(), given_up: 0 }
+        UdpAssembler { fragments: IpDefragPool::new(), discarded: 0 }
     }
 
     /// The datagram that a packet completes; `None` for a fragment with others missing.
     ///
     /// # Errors
     /// The reason why the packet is skipped.
-    pub(super) fn take(
+    pub(super) fn ingest(
         &mut self,
         time_ns: u64,
         link_type: i32,
@@ -86,7 +86,7 @@ impl UdpAssembler {
             return Err("not_udp");
         }
         // A UDP packet that was not sliced as UDP is a fragment.
-        self.give_up_old(time_ns);
+        self.discard_old(time_ns);
         match self.fragments.process_sliced_packet(&packet, time_ns, interface) {
             Ok(None) => Ok(None),
             Ok(Some(whole)) => {
@@ -99,56 +99,56 @@ impl UdpAssembler {
         }
     }
 
-    /// Makes room for one more incomplete datagram: discards expired ones, and the oldest if there are too many.
-    fn give_up_old(&mut self, time_ns: u64) {
+    /// Discards expired incomplete datagrams, and the oldest if there are too many.
+    fn discard_old(&mut self, time_ns: u64) {
         let since_ns = time_ns.saturating_sub(FRAGMENT_LIFE_NS);
-        let (waiting, oldest_ns) = self.keep(|newest_ns| newest_ns >= since_ns);
+        let (waiting, oldest_ns) = self.retain(|newest_ns| newest_ns >= since_ns);
         if waiting >= INCOMPLETE_MAX {
-            self.keep(|newest_ns| newest_ns > oldest_ns);
+            self.retain(|newest_ns| newest_ns > oldest_ns);
         }
     }
 
-    /// Discards the datagrams for whose newest fragment's time `stays` returns `false`; returns the count of the
-    /// others, and the time of the oldest.
-    fn keep(&mut self, stays: impl Fn(u64) -> bool) -> (u64, u64) {
-        let (waiting, given_up, oldest_ns) = (Cell::new(0), Cell::new(0), Cell::new(u64::MAX));
+    /// Keeps the datagrams for which `is_kept` is true of the time of their newest fragment; returns their count, and the
+    /// time of the oldest.
+    fn retain(&mut self, is_kept: impl Fn(u64) -> bool) -> (u64, u64) {
+        let (waiting, discarded, oldest_ns) = (Cell::new(0), Cell::new(0), Cell::new(u64::MAX));
         // The pool provides neither its size nor its times, but calls the predicate once for each datagram.
         self.fragments.retain(|newest_ns| {
-            let count = if stays(*newest_ns) { &waiting } else { &given_up };
+            let count = if is_kept(*newest_ns) { &waiting } else { &discarded };
             count.set(count.get() + 1);
-            if stays(*newest_ns) {
+            if is_kept(*newest_ns) {
                 oldest_ns.set(oldest_ns.get().min(*newest_ns));
             }
             true
         });
-        if given_up.get() > 0 {
-            self.fragments.retain(|newest_ns| stays(*newest_ns));
+        if discarded.get() > 0 {
+            self.fragments.retain(|newest_ns| is_kept(*newest_ns));
         }
-        self.given_up += given_up.get();
+        self.discarded += discarded.get();
         (waiting.get(), oldest_ns.get())
     }
 
     /// Returns the count of incomplete datagrams, and discards them.
-    pub(super) fn forget_incomplete(&mut self) -> u64 {
-        self.keep(|_| false);
-        std::mem::take(&mut self.given_up)
+    pub(super) fn discard_incomplete(&mut self) -> u64 {
+        self.retain(|_| false);
+        std::mem::take(&mut self.discarded)
     }
 }
 
 /// Removes the link layer.
 fn slice(link_type: i32, bytes: &[u8]) -> Result<SlicedPacket<'_>, &'static str> {
     use link_type::{ETHERNET, IPV4, IPV6, LINUX_SLL, LINUX_SLL2, LOOP, NULL, RAW, RAW_BSD, RAW_OPENBSD};
-    let behind = |length: usize| bytes.get(length..).ok_or("malformed");
+    let after = |length: usize| bytes.get(length..).ok_or("malformed");
     // Linux "cooked" headers contain the EtherType at a fixed position.
     let cooked = |ether_type_at: usize, length: usize| match bytes.get(ether_type_at..ether_type_at + 2) {
-        Some(&[high, low]) => Ok((EtherType(u16::from_be_bytes([high, low])), behind(length)?)),
+        Some(&[high, low]) => Ok((EtherType(u16::from_be_bytes([high, low])), after(length)?)),
         _ => Err("malformed"),
     };
     let packet = match link_type {
         ETHERNET => SlicedPacket::from_ethernet(bytes),
         // Four bytes of address family, in the byte order of the capturing computer; the IP version contains the same
         // information.
-        NULL | LOOP => SlicedPacket::from_ip(behind(4)?),
+        NULL | LOOP => SlicedPacket::from_ip(after(4)?),
         RAW | RAW_BSD | RAW_OPENBSD | IPV4 | IPV6 => SlicedPacket::from_ip(bytes),
         LINUX_SLL => {
             let (ether_type, rest) = cooked(14, 16)?;

@@ -6,7 +6,7 @@
 mod form;
 
 pub use crate::units::{ForceUnit, MomentUnit};
-pub use form::{Cell, Centre, Direct, EightChannels, Sole};
+pub use form::{Cell, Centre, Direct, EightChannels, Insole};
 
 use super::frame::Wrench;
 use super::reading::{FootLoad, Load};
@@ -33,7 +33,7 @@ enum Form {
         centre: Centre,
         not_measured: u32,
     },
-    Soles([Sole; 2]),
+    Insoles([Insole; 2]),
 }
 
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -68,7 +68,7 @@ impl Channels {
     pub fn not_measured(&self) -> u32 {
         match &self.form {
             Form::Linear { not_measured, .. } | Form::Centre { not_measured, .. } => *not_measured,
-            Form::Soles(_) => ALL_BUT_VERTICAL,
+            Form::Insoles(_) => ALL_BUT_VERTICAL,
         }
     }
 
@@ -80,7 +80,7 @@ impl Channels {
                 part(Wrench { force_n: [fx, fy, fz], moment_nm: [mx, my, mz] }, *not_measured)
             }
             Form::Centre { centre, not_measured } => part(centre.wrench(values), *not_measured),
-            Form::Soles(soles) => Load::Soles(soles.map(|sole| sole.load(values))),
+            Form::Insoles(insoles) => Load::Insoles(insoles.map(|insole| insole.load(values))),
         }
     }
 }
@@ -91,7 +91,7 @@ fn part(wrench: Wrench, not_measured: u32) -> Load {
     if not_measured == 0 { Load::Wrench(wrench) } else { Load::Part { wrench, not_measured } }
 }
 
-impl Sole {
+impl Insole {
     fn load(self, values: &[f64]) -> FootLoad {
         let vertical_n = value(values, Some(self.vertical)) * self.newtons_per_unit;
         let [x, y] =

@@ -19,7 +19,7 @@ use equipoise_core::message::{Component, FootFrame, GroundDevice as DeviceKind, 
 
 use super::refusal::GroundRefusal;
 use crate::counts::Counts;
-use queue::{Found, Partners};
+use queue::{PartnerLookup, Partners};
 
 /// Wait of a first device's sample for its partner, in addition to the second device's larger constant delay, ns.
 pub const WAIT_NS: u64 = 50_000_000;
@@ -101,22 +101,22 @@ impl Fusion {
     /// within [`WAIT_NS`] in any case.
     pub fn fused(&mut self, now_ns: u64, samples: &mut Vec<GroundSample>) {
         while let Some(&(first, until_ns)) = self.waiting.front() {
-            let found = self.partners.at(first.sample_time_ns);
-            if matches!(found, Found::NotYet) && now_ns < until_ns && self.is_awaited(now_ns) {
+            let partner = self.partners.at(first.sample_time_ns);
+            if matches!(partner, PartnerLookup::NotYet) && now_ns < until_ns && self.is_awaited(now_ns) {
                 return;
             }
             self.waiting.pop_front();
-            let whole = match found {
+            let whole = match partner {
                 // A fault of the insoles does not invalidate the plate.
-                Found::Partner(second) if self.is_plate_alone(&second) => {
+                PartnerLookup::Partner(second) if self.is_plate_alone(&second) => {
                     self.second_session = second.session;
                     self.without_partner(&first)
                 }
-                Found::Partner(second) => {
+                PartnerLookup::Partner(second) => {
                     self.second_session = second.session;
                     Some(self.together(&first, &second))
                 }
-                Found::NotYet | Found::Nothing => self.without_partner(&first),
+                PartnerLookup::NotYet | PartnerLookup::Nothing => self.without_partner(&first),
             };
             if let Some(whole) = whole {
                 self.counts.published += 1;

@@ -4,7 +4,7 @@
 use super::lead::Lead;
 use super::reading::{Decoded, Tick};
 use super::refusal::GroundRefusal;
-use crate::sequence::{Place, Sequence};
+use crate::sequence::{Sequence, SequencePosition};
 use crate::stride::TimeStride;
 
 /// Time and sequence of a reading; the configured layout defines which of these exist.
@@ -195,15 +195,15 @@ impl Timeline {
     fn place(&mut self, time_ns: u64, arrival_ns: u64) -> Result<Gap, GroundRefusal> {
         // Truncation is intended, as for a sequence: only differences count.
         let grain = (time_ns / GRAIN_NS) as u32;
-        match self.order.place(grain, arrival_ns) {
-            Place::Same => Err(GroundRefusal::Duplicate),
-            Place::Old => Err(GroundRefusal::OutOfOrder),
-            Place::Next { .. } => Ok(Gap::Lost(self.lost_before(time_ns))),
-            Place::First => {
+        match self.order.classify(grain, arrival_ns) {
+            SequencePosition::Same => Err(GroundRefusal::Duplicate),
+            SequencePosition::Old => Err(GroundRefusal::OutOfOrder),
+            SequencePosition::Next { .. } => Ok(Gap::Lost(self.lost_before(time_ns))),
+            SequencePosition::First => {
                 self.begin(time_ns);
                 Ok(Gap::Lost(0))
             }
-            Place::NewSession => {
+            SequencePosition::NewSession => {
                 self.begin(time_ns);
                 Ok(Gap::Rebooted)
             }

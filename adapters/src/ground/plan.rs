@@ -38,14 +38,14 @@ pub enum Plan {
 
 /// A plan resolved against the device's channels.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Fitted {
+pub(super) struct ResolvedPlan {
     channels: Channels,
     /// Value of one unit of each channel in N or N m; 0 for unused channels.
     unit: Vec<f64>,
     values: Vec<f64>,
 }
 
-impl Fitted {
+impl ResolvedPlan {
     /// Numbers in a scan.
     pub(super) fn count(&self) -> usize {
         self.unit.len()
@@ -62,7 +62,7 @@ impl Fitted {
 
 /// Device-specific wording of messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Whose {
+pub(super) struct Wording {
     /// The device.
     pub(super) device: &'static str,
     /// The section of the configuration that names its channels.
@@ -81,27 +81,31 @@ impl Plan {
     ///
     /// # Errors
     /// What does not fit, and the remedy, in a sentence.
-    pub(super) fn fit(&self, channels_of_device: &[DeviceChannel], whose: Whose) -> Result<Fitted, String> {
-        self.fit_with(channels_of_device, whose, [None; 2])
+    pub(super) fn fit(
+        &self,
+        channels_of_device: &[DeviceChannel],
+        wording: Wording,
+    ) -> Result<ResolvedPlan, String> {
+        self.fit_with(channels_of_device, wording, [None; 2])
     }
 
     /// As [`Self::fit`], with default units of force and moment for channels without a unit.
     pub(super) fn fit_with(
         &self,
         channels_of_device: &[DeviceChannel],
-        whose: Whose,
+        wording: Wording,
         [force_unit, moment_unit]: [Option<&str>; 2],
-    ) -> Result<Fitted, String> {
+    ) -> Result<ResolvedPlan, String> {
         let mut unit = vec![0.0; channels_of_device.len()];
         let mut find = |name: &str, in_base: fn(&str) -> Option<f64>, kind: &str| {
-            let (index, channel) = found(channels_of_device, name, whose)?;
+            let (index, channel) = find_channel(channels_of_device, name, wording)?;
             let declared = if kind == FORCE { force_unit } else { moment_unit };
             let written = match (channel.unit.as_str(), declared) {
                 ("", Some(declared)) => declared,
-                (channels_of_device, _) => channels_of_device,
+                (written, _) => written,
             };
             unit[index] = in_base(written).ok_or_else(|| {
-                let Whose { device, unit, .. } = whose;
+                let Wording { device, unit, .. } = wording;
                 let written = if channel.unit.is_empty() {
                     "has no unit".to_owned()
                 } else {
@@ -137,17 +141,17 @@ impl Plan {
                 Channels::direct(channels_of_device.len(), direct, ForceUnit::Newton, MomentUnit::NewtonMetre)
             }
         };
-        let channels = channels.map_err(|fault| format!("[{}]: {fault}", whose.section))?;
-        Ok(Fitted { channels, values: vec![0.0; unit.len()], unit })
+        let channels = channels.map_err(|fault| format!("[{}]: {fault}", wording.section))?;
+        Ok(ResolvedPlan { channels, values: vec![0.0; unit.len()], unit })
     }
 }
 
-fn found<'a>(
+fn find_channel<'a>(
     channels_of_device: &'a [DeviceChannel],
     name: &str,
-    whose: Whose,
+    wording: Wording,
 ) -> Result<(usize, &'a DeviceChannel), String> {
-    let Whose { device, section, missing, .. } = whose;
+    let Wording { device, section, missing, .. } = wording;
     let places = || channels_of_device.iter().enumerate();
     let by_name = places().find(|(_, channel)| channel.name.eq_ignore_ascii_case(name));
     let by_label: Vec<_> = places().filter(|(_, channel)| channel.label.eq_ignore_ascii_case(name)).collect();

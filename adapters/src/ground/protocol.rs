@@ -92,6 +92,6 @@ mod tests {
         for now_ns in 0..1000 {
             protocol.opened(now_ns);
         }
-        assert!(protocol.decoded.found.is_empty());
+        assert!(protocol.decoded.events.is_empty());
     }
 }

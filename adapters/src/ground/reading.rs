@@ -44,7 +44,7 @@ pub enum Load {
         not_measured: u32,
     },
     /// Vertical force on the left and the right sole; insoles measure neither shear nor free moment.
-    Soles([FootLoad; 2]),
+    Insoles([FootLoad; 2]),
 }
 
 /// Load on one sole.
@@ -63,7 +63,7 @@ impl Load {
             Load::Wrench(wrench) | Load::Part { wrench, .. } => {
                 wrench.force_n.iter().chain(&wrench.moment_nm).all(|x| x.is_finite())
             }
-            Load::Soles(feet) => feet
+            Load::Insoles(feet) => feet
                 .iter()
                 .all(|foot| foot.vertical_n.is_finite() && foot.cop_m.iter().all(|m| m.is_finite())),
         }
@@ -75,7 +75,7 @@ impl Load {
             Load::Wrench(wrench) | Load::Part { wrench, .. } => {
                 wrench.force_n.iter().chain(&wrench.moment_nm).all(|number| number.abs() <= largest)
             }
-            Load::Soles(feet) => feet.iter().all(|foot| {
+            Load::Insoles(feet) => feet.iter().all(|foot| {
                 foot.vertical_n.abs() <= largest && foot.cop_m.iter().all(|metres| metres.abs() <= 1.0)
             }),
         }
@@ -85,12 +85,12 @@ impl Load {
 /// Results of a decoder for the bytes it was given, in order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Decoded {
-    pub(super) found: Vec<Found>,
+    pub(super) events: Vec<DecoderEvent>,
     pub(super) block_latency_ns: Option<u64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Found {
+pub(super) enum DecoderEvent {
     Reading(Reading),
     Refused(GroundRefusal),
     Lost(u32),
@@ -101,27 +101,27 @@ pub(super) enum Found {
 impl Decoded {
     /// Adds a valid reading.
     pub fn reading(&mut self, reading: Reading) {
-        self.found.push(Found::Reading(reading));
+        self.events.push(DecoderEvent::Reading(reading));
     }
 
     /// Adds unusable input, counted by reason.
     pub fn refuse(&mut self, reason: GroundRefusal) {
-        self.found.push(Found::Refused(reason));
+        self.events.push(DecoderEvent::Refused(reason));
     }
 
     /// Reports missing readings at this point, for devices whose loss does not show in [`Reading::sequence`].
     pub fn lost(&mut self, readings: u32) {
-        self.found.push(Found::Lost(readings));
+        self.events.push(DecoderEvent::Lost(readings));
     }
 
     /// The stream restarts here: the next sequence number is the first, at any value.
     pub fn restarted(&mut self) {
-        self.found.push(Found::Restarted);
+        self.events.push(DecoderEvent::Restarted);
     }
 
     /// The device's clock restarts here, in a way that does not show in [`Reading::tick`].
     pub fn rebooted(&mut self) {
-        self.found.push(Found::Rebooted);
+        self.events.push(DecoderEvent::Rebooted);
     }
 
     /// Sets the duration of the blocks in which the device collects readings before it sends them.
@@ -131,16 +131,16 @@ impl Decoded {
 
     /// The readings alone, for tests of decoders.
     pub fn readings(&self) -> impl Iterator<Item = &Reading> {
-        self.found.iter().filter_map(|found| match found {
-            Found::Reading(reading) => Some(reading),
+        self.events.iter().filter_map(|event| match event {
+            DecoderEvent::Reading(reading) => Some(reading),
             _ => None,
         })
     }
 
     /// The refusals, for tests of decoders.
     pub fn refusals(&self) -> impl Iterator<Item = GroundRefusal> {
-        self.found.iter().filter_map(|found| match found {
-            Found::Refused(reason) => Some(*reason),
+        self.events.iter().filter_map(|event| match event {
+            DecoderEvent::Refused(reason) => Some(*reason),
             _ => None,
         })
     }

@@ -1,10 +1,10 @@
 //! Converts readings of any device to ground samples: order, loss, time, frame.
 
 use super::frame::{GroundFrame, Measures};
-use super::reading::{Decoded, Found, Load, Reading, Tick};
+use super::reading::{Decoded, DecoderEvent, Load, Reading, Tick};
 use super::refusal::GroundRefusal;
 use crate::counts::Counts;
-use crate::sequence::{Place, Sequence};
+use crate::sequence::{Sequence, SequencePosition};
 use bytemuck::Zeroable;
 use equipoise_core::message::{Component, FootFrame, GroundDevice as DeviceKind, GroundSample};
 use equipoise_core::time::ClockFit;
@@ -76,19 +76,19 @@ impl GroundReceiver {
         self.block_latency_ns = decoded.block_latency_ns.take().unwrap_or(self.block_latency_ns);
         let first = samples.len();
         self.ticks.clear();
-        for found in decoded.found.drain(..) {
-            match found {
-                Found::Reading(reading) => {
+        for event in decoded.events.drain(..) {
+            match event {
+                DecoderEvent::Reading(reading) => {
                     self.counts.received += 1;
                     match self.accept(&reading, arrival_ns) {
                         Ok(sample) => samples.push(sample),
                         Err(refusal) => self.counts.refuse(refusal.index()),
                     }
                 }
-                Found::Refused(refusal) => self.refuse(refusal),
-                Found::Lost(readings) => self.skip(readings),
-                Found::Restarted => self.restart(),
-                Found::Rebooted => self.begin_clock(),
+                DecoderEvent::Refused(refusal) => self.refuse(refusal),
+                DecoderEvent::Lost(readings) => self.skip(readings),
+                DecoderEvent::Restarted => self.restart(),
+                DecoderEvent::Rebooted => self.begin_clock(),
             }
         }
         // The readings of one delivery waited for the last of them, so only that one's tick marks the time of sending.
@@ -150,13 +150,13 @@ impl GroundReceiver {
     }
 
     fn accept(&mut self, reading: &Reading, arrival_ns: u64) -> Result<GroundSample, GroundRefusal> {
-        // A reading that is refused below was not lost: it has its place in the sequence.
+        // A reading that is refused below was not lost: it counts in the sequence.
         if let Some(sequence) = reading.sequence {
-            match self.sequence.place(sequence, arrival_ns) {
-                Place::Same => return Err(GroundRefusal::Duplicate),
-                Place::Old => return Err(GroundRefusal::OutOfOrder),
-                Place::Next { gap } => self.counts.lost += u64::from(gap - 1),
-                Place::First | Place::NewSession => {}
+            match self.sequence.classify(sequence, arrival_ns) {
+                SequencePosition::Same => return Err(GroundRefusal::Duplicate),
+                SequencePosition::Old => return Err(GroundRefusal::OutOfOrder),
+                SequencePosition::Next { gap } => self.counts.lost += u64::from(gap - 1),
+                SequencePosition::First | SequencePosition::NewSession => {}
             }
         }
         if let Err(refusal) = believable(&reading.load) {
@@ -196,7 +196,7 @@ impl GroundReceiver {
                 let whole = self.placed(sample, &Load::Wrench(*wrench));
                 GroundSample { not_measured: *not_measured, ..whole }.mask_unmeasured()
             }
-            Load::Soles(feet) => GroundSample {
+            Load::Insoles(feet) => GroundSample {
                 per_foot: 1,
                 force_n: [0.0, 0.0, feet[0].vertical_n + feet[1].vertical_n],
                 foot_vertical_n: feet.map(|foot| foot.vertical_n),

@@ -1,8 +1,8 @@
 //! The suit's source, over UDP or TCP, for one subject or several.
 
 use super::error::SourceError;
-use super::tcp_door::{Heard, TcpDoor};
-use super::udp::{OneSender, Senders, UdpDoor};
+use super::tcp_socket::{SocketEvent, TcpSocket};
+use super::udp::{OneSender, Senders, StampedUdpSocket};
 use crate::clock::now_monotonic_ns;
 use crate::counts::{Counts, HealthReporter, Stream};
 use crate::suit::{SuitAssembler, SuitRefusal, SuitRouter, SuitSettings, SuitSubject};
@@ -62,8 +62,8 @@ impl Default for MvnSettings {
 #[derive(Debug)]
 enum Wire {
     /// Suits that stream from one computer.
-    Udp(UdpDoor, OneSender),
-    Tcp(TcpDoor),
+    Udp(StampedUdpSocket, OneSender),
+    Tcp(TcpSocket),
 }
 
 /// Suits that stream to this machine.
@@ -84,11 +84,11 @@ impl SuitSource {
         let MvnSettings { listen, timeout, .. } = *settings;
         let wire = match settings.transport {
             MvnTransport::Udp => {
-                let door = UdpDoor::open(listen, settings.senders(), timeout, "suit.listen")?;
-                Wire::Udp(door, OneSender::default())
+                let socket = StampedUdpSocket::open(listen, settings.senders(), timeout, "suit.listen")?;
+                Wire::Udp(socket, OneSender::default())
             }
             MvnTransport::Tcp => {
-                Wire::Tcp(TcpDoor::open(listen, settings.senders(), timeout, "suit.listen")?)
+                Wire::Tcp(TcpSocket::open(listen, settings.senders(), timeout, "suit.listen")?)
             }
         };
         let reporter = |avatar: &u8| (*avatar, HealthReporter::new(Stream::Suit, now_monotonic_ns()));
@@ -102,8 +102,8 @@ impl SuitSource {
     /// The address it listens on.
     pub fn local_address(&self) -> SocketAddr {
         match &self.wire {
-            Wire::Udp(door, _) => door.local_address(),
-            Wire::Tcp(door) => door.local_address(),
+            Wire::Udp(socket, _) => socket.local_address(),
+            Wire::Tcp(socket) => socket.local_address(),
         }
     }
 
@@ -117,8 +117,8 @@ impl SuitSource {
             return Ok(Some(sample));
         }
         match &mut self.wire {
-            Wire::Udp(door, sender) => receive_udp(door, sender, &mut self.suits),
-            Wire::Tcp(door) => receive_tcp(door, &mut self.suits),
+            Wire::Udp(socket, sender) => receive_udp(socket, sender, &mut self.suits),
+            Wire::Tcp(socket) => receive_tcp(socket, &mut self.suits),
         }
     }
 
@@ -160,12 +160,12 @@ impl SuitSource {
 }
 
 fn receive_udp(
-    door: &mut UdpDoor,
+    socket: &mut StampedUdpSocket,
     sender: &mut OneSender,
     suits: &mut SuitRouter,
 ) -> Result<Option<SuitSample>, SourceError> {
     for _ in 0..MAX_DATAGRAMS_PER_CALL {
-        let Some(received) = door.receive()? else {
+        let Some(received) = socket.receive()? else {
             return Ok(None);
         };
         if !received.admitted || !sender.admits(received.sender.ip(), received.arrival_ns) {
@@ -180,15 +180,15 @@ fn receive_udp(
     Ok(None)
 }
 
-fn receive_tcp(door: &mut TcpDoor, suits: &mut SuitRouter) -> Result<Option<SuitSample>, SourceError> {
+fn receive_tcp(socket: &mut TcpSocket, suits: &mut SuitRouter) -> Result<Option<SuitSample>, SourceError> {
     for _ in 0..MAX_DATAGRAMS_PER_CALL {
-        match door.receive()? {
+        match socket.receive()? {
             None => return Ok(None),
-            Some(Heard::LostStep) => suits.refuse_datagram(SuitRefusal::OutOfStep),
-            Some(Heard::TurnedAway(_)) => suits.refuse_datagram(SuitRefusal::ForeignSender),
-            Some(Heard::Datagram { bytes, arrival_ns, .. }) => {
+            Some(SocketEvent::LostStep) => suits.refuse_datagram(SuitRefusal::OutOfStep),
+            Some(SocketEvent::Refused(_)) => suits.refuse_datagram(SuitRefusal::ForeignSender),
+            Some(SocketEvent::Datagram { bytes, arrival_ns, .. }) => {
                 if let Some(sample) = suits.receive(bytes, arrival_ns) {
-                    door.accepted();
+                    socket.accepted();
                     return Ok(Some(sample));
                 }
             }

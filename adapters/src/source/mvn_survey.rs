@@ -2,8 +2,8 @@
 
 use super::error::SourceError;
 use super::mvn::{MvnSettings, MvnTransport};
-use super::tcp_door::{Heard, TcpDoor};
-use super::udp::UdpDoor;
+use super::tcp_socket::{SocketEvent, TcpSocket};
+use super::udp::StampedUdpSocket;
 use crate::suit::Survey;
 use std::time::{Duration, Instant};
 
@@ -24,9 +24,10 @@ pub fn survey(
     let goes_on = || begun.elapsed() < time && !stopping();
     match settings.transport {
         MvnTransport::Udp => {
-            let mut door = UdpDoor::open(settings.listen, settings.senders(), settings.timeout, KEY)?;
+            let mut socket =
+                StampedUdpSocket::open(settings.listen, settings.senders(), settings.timeout, KEY)?;
             while goes_on() {
-                match door.receive()? {
+                match socket.receive()? {
                     Some(received) if received.admitted => {
                         survey.take(received.sender.ip(), received.bytes, received.arrival_ns);
                     }
@@ -36,16 +37,16 @@ pub fn survey(
             }
         }
         MvnTransport::Tcp => {
-            let mut door = TcpDoor::open(settings.listen, settings.senders(), settings.timeout, KEY)?;
+            let mut socket = TcpSocket::open(settings.listen, settings.senders(), settings.timeout, KEY)?;
             while goes_on() {
-                match door.receive()? {
-                    Some(Heard::Datagram { bytes, sender, arrival_ns }) => {
+                match socket.receive()? {
+                    Some(SocketEvent::Datagram { bytes, sender, arrival_ns }) => {
                         survey.take(sender.ip(), bytes, arrival_ns);
                         // No samples are assembled here: any sender of valid datagrams counts as the suit.
-                        door.accepted();
+                        socket.accepted();
                     }
-                    Some(Heard::LostStep) => survey.lose_step(),
-                    Some(Heard::TurnedAway(sender)) => survey.turn_away(sender.ip()),
+                    Some(SocketEvent::LostStep) => survey.lose_step(),
+                    Some(SocketEvent::Refused(sender)) => survey.turn_away(sender.ip()),
                     None => {}
                 }
             }

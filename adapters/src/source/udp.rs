@@ -85,7 +85,7 @@ pub struct Received<'a> {
 
 /// The socket and its buffers.
 #[derive(Debug)]
-pub struct UdpDoor {
+pub struct StampedUdpSocket {
     socket: UdpSocket,
     local: SocketAddr,
     key: &'static str,
@@ -95,7 +95,7 @@ pub struct UdpDoor {
     control: Vec<u8>,
 }
 
-impl UdpDoor {
+impl StampedUdpSocket {
     /// Listens on an address. `timeout` bounds each [`Self::receive`]; `key` is the configuration key for errors.
     ///
     /// # Errors
@@ -105,7 +105,7 @@ impl UdpDoor {
         senders: Senders,
         timeout: Duration,
         key: &'static str,
-    ) -> Result<UdpDoor, SourceError> {
+    ) -> Result<StampedUdpSocket, SourceError> {
         let failed = |error: io::Error| match error.kind() {
             io::ErrorKind::AddrInUse => SourceError::PortTaken { port: address.port(), address, key },
             _ => SourceError::Open { address, key, error },
@@ -118,7 +118,7 @@ impl UdpDoor {
         let local = socket.local_addr().map_err(failed)?;
         let mut stamps = StampTranslator::default();
         stamps.monotonic_ns(0);
-        Ok(UdpDoor {
+        Ok(StampedUdpSocket {
             socket,
             local,
             key,
@@ -202,29 +202,34 @@ fn socket_address(address: &SockaddrStorage) -> Option<SocketAddr> {
 mod tests {
     use super::*;
 
-    fn loopback(senders: Senders) -> UdpDoor {
-        UdpDoor::open("127.0.0.1:0".parse().unwrap(), senders, Duration::from_millis(200), "suit.listen")
-            .unwrap()
+    fn loopback(senders: Senders) -> StampedUdpSocket {
+        StampedUdpSocket::open(
+            "127.0.0.1:0".parse().unwrap(),
+            senders,
+            Duration::from_millis(200),
+            "suit.listen",
+        )
+        .unwrap()
     }
 
     #[test]
     fn a_datagram_carries_its_arrival_and_its_sender() {
-        let mut door = loopback(Senders::Loopback);
+        let mut socket = loopback(Senders::Loopback);
         let sender = UdpSocket::bind("127.0.0.1:0").unwrap();
         let local = sender.local_addr().unwrap();
         // The kernel starts stamping some time after the first socket requests it; until then it stamps on reading.
         let is_stamped_on_arrival = || {
             let before_ns = now_monotonic_ns();
-            sender.send_to(b"hello", door.local_address()).unwrap();
+            sender.send_to(b"hello", socket.local_address()).unwrap();
             std::thread::sleep(Duration::from_millis(30));
             let read_ns = now_monotonic_ns();
-            let received = door.receive().unwrap().unwrap();
+            let received = socket.receive().unwrap().unwrap();
             assert_eq!((received.bytes, received.sender, received.admitted), (&b"hello"[..], local, true));
             assert!(received.arrival_ns >= before_ns);
             received.arrival_ns < read_ns
         };
         assert!(std::iter::repeat_with(is_stamped_on_arrival).take(100).any(|stamped| stamped), "only ours");
-        assert!(door.receive().unwrap().is_none());
+        assert!(socket.receive().unwrap().is_none());
     }
 
     #[test]
@@ -254,22 +259,26 @@ mod tests {
 
     #[test]
     fn a_taken_port_is_named() {
-        let door = loopback(Senders::Loopback);
-        let error =
-            UdpDoor::open(door.local_address(), Senders::Loopback, Duration::from_millis(1), "suit.listen")
-                .unwrap_err();
+        let socket = loopback(Senders::Loopback);
+        let error = StampedUdpSocket::open(
+            socket.local_address(),
+            Senders::Loopback,
+            Duration::from_millis(1),
+            "suit.listen",
+        )
+        .unwrap_err();
         let text = error.to_string();
-        assert!(text.contains(&format!("port {} is taken", door.local_address().port())), "{text}");
+        assert!(text.contains(&format!("port {} is taken", socket.local_address().port())), "{text}");
         assert!(text.contains("set suit.listen"), "{text}");
     }
 
     #[test]
     fn a_socket_that_was_shut_down_is_an_error_and_not_an_endless_stream_of_nothing() {
-        let mut door = loopback(Senders::Loopback);
+        let mut socket = loopback(Senders::Loopback);
         use nix::sys::socket::{Shutdown, shutdown};
         // The kernel returns "not connected", but shuts the socket down.
-        let _ = shutdown(door.socket.as_raw_fd(), Shutdown::Both);
-        let error = door.receive().unwrap_err();
+        let _ = shutdown(socket.socket.as_raw_fd(), Shutdown::Both);
+        let error = socket.receive().unwrap_err();
         assert!(error.to_string().contains("was shut down from outside"), "{error}");
     }
 
@@ -278,8 +287,8 @@ mod tests {
         assert!(!Senders::Loopback.admit("192.168.1.4".parse().unwrap()));
         assert!(Senders::Loopback.admit("::1".parse().unwrap()));
         assert!(Senders::Anyone.admit("192.168.1.4".parse().unwrap()));
-        let mut door = loopback(Senders::Only("127.0.0.9".parse().unwrap()));
-        UdpSocket::bind("127.0.0.1:0").unwrap().send_to(b"x", door.local_address()).unwrap();
-        assert!(!door.receive().unwrap().unwrap().admitted);
+        let mut socket = loopback(Senders::Only("127.0.0.9".parse().unwrap()));
+        UdpSocket::bind("127.0.0.1:0").unwrap().send_to(b"x", socket.local_address()).unwrap();
+        assert!(!socket.receive().unwrap().unwrap().admitted);
     }
 }

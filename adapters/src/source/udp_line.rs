@@ -2,7 +2,7 @@
 
 use super::error::SourceError;
 use super::transport::{Incoming, Transport};
-use super::udp::{OneSender, Senders, UdpDoor};
+use super::udp::{OneSender, Senders, StampedUdpSocket};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ pub struct UdpLine {
     peer: Option<SocketAddr>,
     senders: Senders,
     key: &'static str,
-    door: Option<UdpDoor>,
+    socket: Option<StampedUdpSocket>,
     sender: OneSender,
     /// Sender and arrival of the last admitted datagram.
     last: Option<(IpAddr, u64)>,
@@ -38,7 +38,7 @@ impl UdpLine {
             peer: Some(address),
             senders,
             key,
-            door: None,
+            socket: None,
             sender: OneSender::default(),
             last: None,
         }
@@ -46,12 +46,12 @@ impl UdpLine {
 
     /// Listens for a device that sends without request; `key` is the configuration key of the address for errors.
     pub fn listening(local: SocketAddr, senders: Senders, key: &'static str) -> UdpLine {
-        UdpLine { local, peer: None, senders, key, door: None, sender: OneSender::default(), last: None }
+        UdpLine { local, peer: None, senders, key, socket: None, sender: OneSender::default(), last: None }
     }
 
     /// The local address, once open; with the port that the system chose if 0 was requested.
     pub fn local_address(&self) -> Option<SocketAddr> {
-        self.door.as_ref().map(UdpDoor::local_address)
+        self.socket.as_ref().map(StampedUdpSocket::local_address)
     }
 }
 
@@ -62,14 +62,14 @@ fn unopened(key: &str) -> SourceError {
 impl Transport for UdpLine {
     fn open(&mut self) -> Result<(), SourceError> {
         // The old socket holds the port.
-        self.door = None;
-        self.door = Some(UdpDoor::open(self.local, self.senders, TIMEOUT, self.key)?);
+        self.socket = None;
+        self.socket = Some(StampedUdpSocket::open(self.local, self.senders, TIMEOUT, self.key)?);
         Ok(())
     }
 
     fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError> {
-        let Some(door) = &mut self.door else { return Err(unopened(self.key)) };
-        let Some(received) = door.receive()? else { return Ok(None) };
+        let Some(socket) = &mut self.socket else { return Err(unopened(self.key)) };
+        let Some(received) = socket.receive()? else { return Ok(None) };
         let (sender, arrival_ns) = (received.sender, received.arrival_ns);
         let admitted = received.admitted
             && self.peer.is_none_or(|peer| peer.port() == sender.port())
@@ -89,8 +89,8 @@ impl Transport for UdpLine {
             let listening = format!("{}: a device that is only listened to takes no commands", self.key);
             return Err(SourceError::Unusable(listening));
         };
-        let Some(door) = &self.door else { return Err(unopened(self.key)) };
-        match door.send_to(bytes, peer) {
+        let Some(socket) = &self.socket else { return Err(unopened(self.key)) };
+        match socket.send_to(bytes, peer) {
             // A network that is down (cable, interface) recovers, and the silence is reported in any case.
             Err(SourceError::Send { .. }) | Ok(()) => Ok(()),
             Err(other) => Err(other),

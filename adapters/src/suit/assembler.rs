@@ -9,7 +9,7 @@ use super::refusal::SuitRefusal;
 use super::settings::{SuitSettings, TypeSet, UpAxis};
 use super::subject::SuitSubject;
 use crate::counts::Counts;
-use crate::sequence::{Place, Sequence};
+use crate::sequence::{Sequence, SequencePosition};
 use crate::stride::Stride;
 use crate::wire::mvn::{Datagram, EulerPose, Layout, LinearKinematics};
 use bytemuck::Zeroable;
@@ -188,15 +188,15 @@ impl SuitAssembler {
             Datagram::Unknown(_) => return Err(SuitRefusal::UnknownType),
         };
         self.layout = header.layout().or(self.layout);
-        match self.sequence.place(header.sample_counter, arrival_ns) {
-            Place::Old => return Err(SuitRefusal::OutOfOrder),
-            Place::Same => {}
-            Place::First => self.begin(header.sample_counter, header.time_code_ms, 0, arrival_ns),
-            Place::Next { gap } => {
+        match self.sequence.classify(header.sample_counter, arrival_ns) {
+            SequencePosition::Old => return Err(SuitRefusal::OutOfOrder),
+            SequencePosition::Same => {}
+            SequencePosition::First => self.begin(header.sample_counter, header.time_code_ms, 0, arrival_ns),
+            SequencePosition::Next { gap } => {
                 self.counts.lost += u64::from(self.stride.lost_in(gap));
                 self.begin(header.sample_counter, header.time_code_ms, gap, arrival_ns);
             }
-            Place::NewSession => {
+            SequencePosition::NewSession => {
                 self.finish();
                 let ended_ns = self.current.take().map_or(0, |current| current.sample.arrival_ns);
                 self.session += 1;

@@ -97,7 +97,7 @@ fn count(counts: &mut BTreeMap<IpAddr, u64>, sender: IpAddr, most: usize) {
 pub struct Character {
     assembler: SuitAssembler,
     /// Data of each type.
-    pub types: BTreeMap<DatagramType, TypeSeen>,
+    pub types: BTreeMap<DatagramType, TypeCounts>,
     /// The largest count of items in a pose: 1 is a tracked object.
     pub items_max: u8,
     /// Poses that are upright along Z, along Y, and along neither (lying, or not a body).
@@ -170,12 +170,12 @@ impl Character {
     }
 
     /// Data of a type.
-    pub fn of(&self, kind: DatagramType) -> Option<&TypeSeen> {
+    pub fn of(&self, kind: DatagramType) -> Option<&TypeCounts> {
         self.types.get(&kind)
     }
 
     /// The best type that contains its pose.
-    pub fn pose(&self) -> Option<(DatagramType, &TypeSeen)> {
+    pub fn pose(&self) -> Option<(DatagramType, &TypeCounts)> {
         let poses = [DatagramType::POSE_QUATERNION, DatagramType::POSE_EULER, DatagramType::UNITY];
         poses.into_iter().find_map(|kind| self.of(kind).map(|seen| (kind, seen)))
     }
@@ -192,7 +192,7 @@ impl Character {
 
 /// Data of one type of one character.
 #[derive(Debug, Clone, Default)]
-pub struct TypeSeen {
+pub struct TypeCounts {
     /// Count of datagrams.
     pub datagrams: u64,
     /// Their bytes.
@@ -211,7 +211,7 @@ pub struct TypeSeen {
     last_ns: u64,
 }
 
-impl TypeSeen {
+impl TypeCounts {
     fn take(&mut self, header: &Header, bytes: &[u8], arrival_ns: u64) {
         self.datagrams += 1;
         self.bytes += bytes.len() as u64;

@@ -79,7 +79,7 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::sliding::{Found, Sliding};
+    use crate::wire::sliding::{Sliding, StreamElement};
     use proptest::prelude::*;
 
     const VECTOR: [u8; FRAME_SIZE] = [
@@ -106,16 +106,20 @@ mod tests {
     fn frames_are_found_from_any_start_and_cut_of_the_stream() {
         for from in 0..FRAME_SIZE {
             let mut stream = Sliding::default();
-            let mut found = Vec::new();
+            let mut elements = Vec::new();
             for byte in [VECTOR, VECTOR, VECTOR].concat().into_iter().skip(from) {
                 stream.push(&[byte]);
-                while let Some(Found::Frame(_)) = stream.next(Frame::parse).inspect(|it| found.push(*it)) {}
+                while let Some(StreamElement::Frame(_)) =
+                    stream.next(Frame::parse).inspect(|it| elements.push(*it))
+                {}
             }
-            let frames = found.iter().filter(|it| matches!(it, Found::Frame(_))).count();
+            let frames = elements.iter().filter(|it| matches!(it, StreamElement::Frame(_))).count();
             assert_eq!(frames, if from == 0 { 3 } else { 2 }, "entered at {from}");
-            let passed: usize =
-                found.iter().map(|it| if let Found::Passed { bytes, .. } = it { *bytes } else { 0 }).sum();
-            assert_eq!(passed, (FRAME_SIZE - from) % FRAME_SIZE);
+            let skipped: usize = elements
+                .iter()
+                .map(|it| if let StreamElement::Skipped { bytes, .. } = it { *bytes } else { 0 })
+                .sum();
+            assert_eq!(skipped, (FRAME_SIZE - from) % FRAME_SIZE);
         }
     }
 

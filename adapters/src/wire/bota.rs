@@ -119,7 +119,7 @@ pub fn setup(sinc: u32, speed: u32) -> Option<[(String, &'static str); 4]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::sliding::{Found, Sliding};
+    use crate::wire::sliding::{Sliding, StreamElement};
     use proptest::prelude::*;
 
     const VECTOR: [u8; FRAME_SIZE] = [
@@ -152,9 +152,9 @@ mod tests {
         let mut stream = Sliding::default();
         stream.push(&[[HEADER, HEADER].as_slice(), &VECTOR, &[HEADER], &VECTOR].concat());
         let mut next = || {
-            stream.next(Frame::parse).map(|found| match found {
-                Found::Frame(_) => 0,
-                Found::Passed { bytes, .. } => bytes,
+            stream.next(Frame::parse).map(|element| match element {
+                StreamElement::Frame(_) => 0,
+                StreamElement::Skipped { bytes, .. } => bytes,
             })
         };
         assert_eq!([next(), next(), next(), next(), next()], [Some(2), Some(0), Some(1), Some(0), None]);
@@ -187,8 +187,8 @@ mod tests {
             let mut frames = 0;
             for piece in bytes.chunks(cut) {
                 stream.push(piece);
-                while let Some(found) = stream.next(Frame::parse) {
-                    frames += usize::from(matches!(found, Found::Frame(_)));
+                while let Some(element) = stream.next(Frame::parse) {
+                    frames += usize::from(matches!(element, StreamElement::Frame(_)));
                 }
             }
             prop_assert_eq!(frames, 3);

@@ -6,8 +6,8 @@
 mod number;
 mod stream;
 
-pub use number::{Endian, Number, Place};
-pub use stream::{Found, Frames};
+pub use number::{Endian, Number, NumberPosition};
+pub use stream::{Frames, StreamElement};
 
 use super::checksum::Checksum;
 
@@ -26,7 +26,7 @@ pub struct FrameForm {
     /// Field that identifies a valid frame as the kind to be read.
     pub kind: Option<Tag>,
     /// The frame's checksum.
-    pub checksum: Option<Summed>,
+    pub checksum: Option<ChecksumField>,
 }
 
 /// Total length of a frame, bytes.
@@ -37,7 +37,7 @@ pub enum Length {
     /// A length field: `plus` bytes more than its value, at most `most`.
     InHead {
         /// Position of the field.
-        place: Place,
+        place: NumberPosition,
         /// Bytes that the field does not count.
         plus: usize,
         /// The maximum length.
@@ -49,14 +49,14 @@ pub enum Length {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tag {
     /// Position of the field.
-    pub place: Place,
+    pub place: NumberPosition,
     /// The values, masked and not shifted.
     pub values: Vec<u64>,
 }
 
 /// Range of a checksum, and its position. Negative positions count from the frame's end.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Summed {
+pub struct ChecksumField {
     /// The algorithm.
     pub checksum: Checksum,
     /// First byte of the range …
@@ -71,7 +71,7 @@ pub struct Summed {
 
 /// Result of parsing the beginning of some bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Look<'a> {
+pub enum FrameMatch<'a> {
     /// More bytes are needed.
     TooFew,
     /// A complete frame.
@@ -131,7 +131,7 @@ impl FrameForm {
     ///
     /// # Errors
     /// [`FormFault::Beyond`].
-    pub fn check_place(&self, place: Place) -> Result<(), FormFault> {
+    pub fn check_place(&self, place: NumberPosition) -> Result<(), FormFault> {
         let most = self.most();
         match place.range(most) {
             Some(_) => Ok(()),
@@ -166,10 +166,10 @@ impl FrameForm {
     }
 
     /// Parses the beginning of these bytes.
-    pub fn look<'a>(&self, bytes: &'a [u8]) -> Look<'a> {
-        let Some(head) = bytes.get(..self.least()) else { return Look::TooFew };
+    pub fn match_start<'a>(&self, bytes: &'a [u8]) -> FrameMatch<'a> {
+        let Some(head) = bytes.get(..self.least()) else { return FrameMatch::TooFew };
         if !head.starts_with(&self.sync) {
-            return Look::Nothing;
+            return FrameMatch::Nothing;
         }
         let length = match self.length {
             Length::Fixed(length) => length,
@@ -177,17 +177,17 @@ impl FrameForm {
                 let declared = place.raw(head).and_then(|declared| usize::try_from(declared).ok());
                 match declared.and_then(|declared| declared.checked_add(plus)) {
                     Some(length) if (self.least()..=most).contains(&length) => length,
-                    _ => return Look::Nothing,
+                    _ => return FrameMatch::Nothing,
                 }
             }
         };
-        let Some(frame) = bytes.get(..length) else { return Look::TooFew };
+        let Some(frame) = bytes.get(..length) else { return FrameMatch::TooFew };
         let is_sound = self.tags.iter().all(|tag| tag.fits(frame))
             && self.checksum.as_ref().is_none_or(|summed| summed.fits(frame));
         match (is_sound, &self.kind) {
-            (false, _) => Look::Nothing,
-            (true, Some(kind)) if !kind.fits(frame) => Look::Other(frame),
-            (true, _) => Look::Frame(frame),
+            (false, _) => FrameMatch::Nothing,
+            (true, Some(kind)) if !kind.fits(frame) => FrameMatch::Other(frame),
+            (true, _) => FrameMatch::Frame(frame),
         }
     }
 
@@ -204,7 +204,7 @@ impl Tag {
     }
 }
 
-impl Summed {
+impl ChecksumField {
     fn fits(&self, frame: &[u8]) -> bool {
         self.parts(frame).is_some_and(|(of, stands)| self.checksum.of(of) == self.endian.number(stands))
     }

@@ -2,11 +2,11 @@
 
 /// The next element of a stream.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Found<T> {
+pub enum StreamElement<T> {
     /// A frame.
     Frame(T),
     /// Bytes that are no part of a frame; a frame or more such bytes follow.
-    Passed {
+    Skipped {
         /// Their count.
         bytes: usize,
         /// The first of them, at the position where a frame might have begun.
@@ -37,20 +37,25 @@ impl Sliding {
 
     /// The next frame that `parse` accepts, of exactly `N` bytes, or the count of bytes skipped before it; `None` if
     /// fewer bytes than a frame remain.
-    pub fn next<const N: usize, T>(&mut self, parse: impl Fn(&[u8; N]) -> Option<T>) -> Option<Found<T>> {
+    pub fn next<const N: usize, T>(
+        &mut self,
+        parse: impl Fn(&[u8; N]) -> Option<T>,
+    ) -> Option<StreamElement<T>> {
         let begun = self.read;
         loop {
             let window = self.bytes.get(self.read..).and_then(<[u8]>::first_chunk::<N>);
             match window.map(&parse) {
                 Some(Some(frame)) if self.read == begun => {
                     self.read += N;
-                    return Some(Found::Frame(frame));
+                    return Some(StreamElement::Frame(frame));
                 }
                 Some(None) => self.read += 1,
                 // A frame after skipped bytes is returned in the next call.
                 Some(Some(_)) | None => {
-                    let passed = self.bytes.get(begun..self.read)?;
-                    return passed.first().map(|first| Found::Passed { bytes: passed.len(), first: *first });
+                    let skipped = self.bytes.get(begun..self.read)?;
+                    return skipped
+                        .first()
+                        .map(|first| StreamElement::Skipped { bytes: skipped.len(), first: *first });
                 }
             }
         }

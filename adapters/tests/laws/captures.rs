@@ -39,7 +39,7 @@ pub(crate) fn mvnx(bytes: &[u8]) {
     };
     let mut last_ns = 0;
     for (index, sample) in capture.by_ref().enumerate() {
-        suit::sound(&sample);
+        suit::assert_valid(&sample);
         assert!(sample.sample_time_ns > last_ns);
         last_ns = sample.sample_time_ns;
         assert_eq!(sample.sequence, index as u64 + 1);
@@ -66,7 +66,7 @@ pub(crate) fn bioware(bytes: &[u8]) {
     };
     let mut last_ns = 0;
     for sample in capture.by_ref() {
-        ground::sound(&sample);
+        ground::assert_valid(&sample);
         assert!(sample.sample_time_ns > last_ns);
         last_ns = sample.sample_time_ns;
     }
@@ -78,8 +78,8 @@ pub(crate) fn csv(bytes: &[u8]) {
     let Ok(capture) = CsvCapture::new(bytes) else { return };
     let mut last_ns = 0;
     for (suit, ground) in capture {
-        suit::sound(&suit);
-        ground::sound(&ground);
+        suit::assert_valid(&suit);
+        ground::assert_valid(&ground);
         assert_eq!(suit.sample_time_ns, ground.sample_time_ns);
         assert!(suit.sample_time_ns > last_ns);
         last_ns = suit.sample_time_ns;

@@ -1,5 +1,5 @@
-//! Ground devices: stream readers are independent of the division into pieces; a dialogue with a deaf, noisy or silent
-//! device causes no panic and no invalid sample.
+//! Ground devices: stream readers are independent of the division into pieces; a dialogue with a device that does not
+//! respond, corrupts data or sends nothing causes no panic and no invalid sample.
 
 use std::collections::VecDeque;
 
@@ -19,16 +19,16 @@ use equipoise_adapters::wire::{amti, bota, labamp, lsl, tec_gihan};
 use equipoise_simulator::wires;
 
 use super::choices::Choices;
-use super::ground::{datagrams, sound, stream};
+use super::ground::{assert_valid, datagrams, stream};
 
-/// The device at the other end: receives bytes and answers, and sends measurements.
-struct Other<'a> {
-    receives: Box<dyn FnMut(u8) -> Vec<u8> + 'a>,
-    measures: Box<dyn FnMut() -> Vec<u8> + 'a>,
+/// The simulated device: its answer to each received byte, and its next measurement.
+struct SimulatedPeer<'a> {
+    receive: Box<dyn FnMut(u8) -> Vec<u8> + 'a>,
+    measure: Box<dyn FnMut() -> Vec<u8> + 'a>,
 }
 
-/// A dialogue in which the other end sends correct, damaged, arbitrary or no data.
-fn conversation(device: Box<dyn GroundDevice>, mut other: Other<'_>, bytes: &[u8]) {
+/// A dialogue in which the simulated device sends correct, corrupted, arbitrary or no data.
+fn run_dialogue(device: Box<dyn GroundDevice>, mut peer: SimulatedPeer<'_>, bytes: &[u8]) {
     let mut protocol = GroundProtocol::new(device, GroundSettings::default());
     let mut choices = Choices::new(bytes);
     let (mut now_ns, mut samples, mut pending, mut steps) =
@@ -40,7 +40,7 @@ fn conversation(device: Box<dyn GroundDevice>, mut other: Other<'_>, bytes: &[u8
         for _ in 0..16 {
             match protocol.next_action(now_ns) {
                 Action::Nothing => break,
-                Action::Send(said) => pending.extend(said.into_iter().flat_map(&mut other.receives)),
+                Action::Send(request) => pending.extend(request.into_iter().flat_map(&mut peer.receive)),
                 Action::Reopen(_) => {
                     pending.clear();
                     protocol.opened(now_ns);
@@ -49,18 +49,18 @@ fn conversation(device: Box<dyn GroundDevice>, mut other: Other<'_>, bytes: &[u8
             }
         }
         let mut next = || {
-            let answered: Vec<u8> = pending.drain(..).collect();
-            if answered.is_empty() { (other.measures)() } else { answered }
+            let answers: Vec<u8> = pending.drain(..).collect();
+            if answers.is_empty() { (peer.measure)() } else { answers }
         };
-        let said = match choices.byte() {
+        let bytes = match choices.byte() {
             0..=119 => next(),
             120..=179 => {
-                let mut said = next();
-                if !said.is_empty() {
-                    let at = usize::from(choices.small()) % said.len();
-                    said[at] = choices.byte();
+                let mut bytes = next();
+                if !bytes.is_empty() {
+                    let at = usize::from(choices.small()) % bytes.len();
+                    bytes[at] = choices.byte();
                 }
-                said
+                bytes
             }
             180..=219 => {
                 let length = usize::from(choices.byte());
@@ -71,8 +71,8 @@ fn conversation(device: Box<dyn GroundDevice>, mut other: Other<'_>, bytes: &[u8
                 Vec::new()
             }
         };
-        protocol.receive(&said, now_ns, &mut samples);
-        samples.drain(..).for_each(|sample| sound(&sample));
+        protocol.receive(&bytes, now_ns, &mut samples);
+        samples.drain(..).for_each(|sample| assert_valid(&sample));
         let _ = protocol.diagnostic();
     }
     let _ = protocol.close_command();
@@ -88,7 +88,7 @@ fn amti_plate(choice: u8) -> Box<dyn GroundDevice> {
     Box::new(Amti::new(AmtiSettings { rate, matrix, force_unit_n: 4.448, moment_unit_nm: 0.113 }))
 }
 
-/// AMTI's frames round-trip; its stream may be divided anywhere; its dialogue may fail anywhere.
+/// AMTI's frames round-trip; its stream can be divided at any byte; its dialogue can fail at any step.
 pub(crate) fn amti(bytes: &[u8]) {
     if let Some(first) = bytes.first_chunk::<{ amti::FRAME_SIZE }>()
         && let Some(frame) = amti::Frame::parse(first)
@@ -97,20 +97,20 @@ pub(crate) fn amti(bytes: &[u8]) {
     }
     stream(|| amti_plate(0), bytes);
     let mut dialogue = wires::amti::Dialogue::new(1);
-    let (mut said, dialogue) = (0_i16, &mut dialogue);
+    let (mut count, dialogue) = (0_i16, &mut dialogue);
     let dialogue = std::cell::RefCell::new(dialogue);
-    let other = Other {
-        receives: Box::new(|byte| dialogue.borrow_mut().receive(byte).into_iter().collect()),
-        measures: Box::new(|| {
-            said = said.wrapping_add(1);
-            let counts = core::array::from_fn(|index| (said + index as i16) % 2000);
+    let peer = SimulatedPeer {
+        receive: Box::new(|byte| dialogue.borrow_mut().receive(byte).into_iter().collect()),
+        measure: Box::new(|| {
+            count = count.wrapping_add(1);
+            let counts = core::array::from_fn(|index| (count + index as i16) % 2000);
             if dialogue.borrow().streaming { wires::amti::frame(counts, false).to_vec() } else { Vec::new() }
         }),
     };
-    conversation(amti_plate(bytes.first().copied().unwrap_or_default()), other, bytes);
+    run_dialogue(amti_plate(bytes.first().copied().unwrap_or_default()), peer, bytes);
 }
 
-/// Bota's frames round-trip; its stream may be divided anywhere; its set-up may fail anywhere.
+/// Bota's frames round-trip; its stream can be divided at any byte; its set-up can fail at any step.
 pub(crate) fn bota(bytes: &[u8]) {
     if let Some(first) = bytes.first_chunk::<{ bota::FRAME_SIZE }>()
         && let Some(frame) = bota::Frame::parse(first)
@@ -121,16 +121,16 @@ pub(crate) fn bota(bytes: &[u8]) {
     stream(|| sensor(None), bytes);
     let dialogue = std::cell::RefCell::new(wires::bota::Dialogue::new(512));
     let mut timestamp_us = 0_u32;
-    let other = Other {
-        receives: Box::new(|byte| dialogue.borrow_mut().receive(byte).unwrap_or_default().into_bytes()),
-        measures: Box::new(|| {
+    let peer = SimulatedPeer {
+        receive: Box::new(|byte| dialogue.borrow_mut().receive(byte).unwrap_or_default().into_bytes()),
+        measure: Box::new(|| {
             timestamp_us = timestamp_us.wrapping_add(10_000);
             let frame =
                 wires::bota::Frame { timestamp_us, wrench: [1.0; 6], ..wires::bota::Frame::default() };
             if dialogue.borrow().running { frame.to_bytes().to_vec() } else { Vec::new() }
         }),
     };
-    conversation(sensor(Some(256)), other, bytes);
+    run_dialogue(sensor(Some(256)), peer, bytes);
 }
 
 /// The names of a plate's six channels.
@@ -151,28 +151,28 @@ pub(crate) fn labamp(bytes: &[u8]) {
     stream(|| Box::new(LabAmp::new(LabAmpSettings { plan: direct(), decimate: Some(2) })), bytes);
 }
 
-/// QTM's packets, divided anywhere, and a dialogue.
+/// QTM's packets, divided at any byte, and a dialogue.
 pub(crate) fn qtm(bytes: &[u8]) {
-    let lab = || Box::new(Qtm::new(QtmSettings { plate: 1, divisor: 1 })) as Box<dyn GroundDevice>;
-    stream(lab, bytes);
+    let qtm_device = || Box::new(Qtm::new(QtmSettings { plate: 1, divisor: 1 })) as Box<dyn GroundDevice>;
+    stream(qtm_device, bytes);
     let (mut received, mut frame) = (Vec::new(), 0_u32);
-    let other = Other {
-        receives: Box::new(|byte| {
+    let peer = SimulatedPeer {
+        receive: Box::new(|byte| {
             received.push(byte);
             let Some((_, command)) = wires::qtm::take_packet(&mut received) else { return Vec::new() };
             let answer = if command.starts_with("Version") { "Version set to 1.25" } else { "OK" };
             wires::qtm::text_packet(wires::qtm::Kind::Command, answer)
         }),
-        measures: Box::new(|| {
+        measure: Box::new(|| {
             frame += 1;
             let plate = wires::qtm::Plate { id: 1, force_number: frame as i32, forces: vec![[1.0; 9]; 3] };
             wires::qtm::data(i64::from(frame) * 10_000, frame, &[wires::qtm::force_component(&[plate])])
         }),
     };
-    conversation(lab(), other, bytes);
+    run_dialogue(qtm_device(), peer, bytes);
 }
 
-/// Lab Streaming Layer: descriptions, and a feed that is divided anywhere.
+/// Lab Streaming Layer: descriptions, and a stream divided at any byte.
 pub(crate) fn lsl(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     if let Ok(info) = lsl::StreamInfo::parse(&text) {
@@ -197,9 +197,9 @@ pub(crate) fn tec_gihan(bytes: &[u8]) {
     let plates =
         vec![wires::tec_gihan::PlateInfo::new(106, 0.04), wires::tec_gihan::PlateInfo::new(107, 0.05)];
     let dialogue = std::cell::RefCell::new(wires::tec_gihan::Dialogue::new(plates));
-    let other = Other {
-        receives: Box::new(|byte| dialogue.borrow_mut().receive(byte).unwrap_or_default().into_bytes()),
-        measures: Box::new(|| {
+    let peer = SimulatedPeer {
+        receive: Box::new(|byte| dialogue.borrow_mut().receive(byte).unwrap_or_default().into_bytes()),
+        measure: Box::new(|| {
             let mut dialogue = dialogue.borrow_mut();
             if dialogue.owed == 0 {
                 return Vec::new();
@@ -209,7 +209,7 @@ pub(crate) fn tec_gihan(bytes: &[u8]) {
             wires::tec_gihan::block(&[plate.clone(), plate])
         }),
     };
-    conversation(Box::new(TecGihan::new(settings)), other, bytes);
+    run_dialogue(Box::new(TecGihan::new(settings)), peer, bytes);
 }
 
 /// Moticon's datagrams.
@@ -226,7 +226,7 @@ pub(crate) fn moticon(bytes: &[u8]) {
     datagrams(|| Box::new(Moticon::new(&settings).unwrap()), bytes);
 }
 
-/// Lines of text in several formats, divided anywhere; the ninth byte selects the format.
+/// Lines of text in several formats, divided at any byte; the ninth byte selects the format.
 pub(crate) fn text(bytes: &[u8]) {
     let choice = bytes.get(8).copied().unwrap_or_default();
     let delimiters = [Delimiter::Spaces, Delimiter::Tab, Delimiter::Comma, Delimiter::Semicolon];
@@ -254,8 +254,8 @@ pub(crate) fn text(bytes: &[u8]) {
 pub(crate) mod seeds {
     use super::{all_fields, wires};
 
-    fn behind(front: &[u8], stream: &[u8]) -> Vec<u8> {
-        [front, stream].concat()
+    fn prefixed(prefix: &[u8], stream: &[u8]) -> Vec<u8> {
+        [prefix, stream].concat()
     }
 
     const PIECES: [u8; 8] = [3, 40, 0, 7, 120, 1, 1, 60];
@@ -263,7 +263,7 @@ pub(crate) mod seeds {
     pub(crate) fn amti() -> Vec<Vec<u8>> {
         let frame = |index: i16| wires::amti::frame([index; 12], index % 7 == 0);
         let frames: Vec<u8> = (0..20).flat_map(frame).collect();
-        vec![frames[..24].to_vec(), behind(&PIECES, &frames), vec![0; 60]]
+        vec![frames[..24].to_vec(), prefixed(&PIECES, &frames), vec![0; 60]]
     }
 
     pub(crate) fn bota() -> Vec<Vec<u8>> {
@@ -273,7 +273,7 @@ pub(crate) mod seeds {
                 .to_bytes()
         };
         let frames: Vec<u8> = (0..12).flat_map(frame).collect();
-        vec![frames[..37].to_vec(), behind(&PIECES, &frames), vec![0; 60]]
+        vec![frames[..37].to_vec(), prefixed(&PIECES, &frames), vec![0; 60]]
     }
 
     fn names() -> [(&'static str, &'static str); 6] {
@@ -297,7 +297,7 @@ pub(crate) mod seeds {
             stream.extend(wires::labamp::data(sequence, (1_700_000_000, sequence * 10_000_000), &scans));
         }
         stream.extend(wires::labamp::event(4, 1, wires::labamp::Event::Overrun));
-        seeds.push(behind(&PIECES, &stream));
+        seeds.push(prefixed(&PIECES, &stream));
         seeds
     }
 
@@ -307,7 +307,7 @@ pub(crate) mod seeds {
         let all = wires::qtm::data(1000, 1, &[wires::qtm::force_component(&plates)]);
         let last = wires::qtm::data(2000, 2, &[wires::qtm::force_single_component(&plates)]);
         let text = wires::qtm::text_packet(wires::qtm::Kind::Command, "QTM RT Interface connected");
-        vec![behind(&PIECES, &[text, all, last].concat()), vec![0; 60]]
+        vec![prefixed(&PIECES, &[text, all, last].concat()), vec![0; 60]]
     }
 
     pub(crate) fn lsl() -> Vec<Vec<u8>> {
@@ -324,7 +324,7 @@ pub(crate) mod seeds {
         for index in 0..5 {
             stream.extend(wires::lsl::sample(f64::from(index) * 0.01, &[1.0, 2.0, 700.0, 3.0, 4.0, 5.0]));
         }
-        vec![info.to_xml(true).into_bytes(), wires::lsl::short_info("7", &info), behind(&PIECES, &stream)]
+        vec![info.to_xml(true).into_bytes(), wires::lsl::short_info("7", &info), prefixed(&PIECES, &stream)]
     }
 
     pub(crate) fn tec_gihan() -> Vec<Vec<u8>> {
@@ -352,7 +352,7 @@ pub(crate) mod seeds {
                 };
                 let lines: String = (0..6).map(line).collect();
                 // The stream's first byte selects the format, and is then part of its first line.
-                behind(&PIECES, &[&[form, b'\n'][..], b"# comment\n", lines.as_bytes()].concat())
+                prefixed(&PIECES, &[&[form, b'\n'][..], b"# comment\n", lines.as_bytes()].concat())
             })
             .to_vec()
     }

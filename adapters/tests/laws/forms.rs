@@ -6,7 +6,7 @@ use equipoise_adapters::ground::device::binary::{Binary, BinarySettings, Count, 
 use equipoise_adapters::ground::{Channels, GroundDevice};
 use equipoise_adapters::wire::checksum::Checksum;
 use equipoise_adapters::wire::frame::{
-    Endian, Found, FrameForm, Frames, Length, Look, Number, Place, Summed, Tag,
+    ChecksumField, Endian, FrameForm, FrameMatch, Frames, Length, Number, NumberPosition, StreamElement, Tag,
 };
 use equipoise_adapters::wire::mvn::{Cut, HEADER_SIZE, Header, StreamCutter};
 use equipoise_adapters::wire::netft_xml::NetFtPage;
@@ -38,7 +38,7 @@ const FORM_BYTES: usize = 64;
 fn form(choices: &mut Choices<'_>) -> FrameForm {
     if choices.byte() == 0 {
         let checksum = Checksum::named("CRC-16/CCITT-FALSE").unwrap();
-        let summed = Summed { checksum, from: 0, to: 32, at: 32, endian: Endian::Little };
+        let summed = ChecksumField { checksum, from: 0, to: 32, at: 32, endian: Endian::Little };
         return FrameForm {
             sync: wires::binary::SYNC.to_vec(),
             length: Length::Fixed(wires::binary::FRAME_LEN),
@@ -63,7 +63,7 @@ fn form(choices: &mut Choices<'_>) -> FrameForm {
     let checksum = checksum.map(|checksum| {
         let [from, to, at] =
             [choices.byte(), choices.byte(), choices.byte()].map(|at| i32::from(at.cast_signed()));
-        Summed { checksum, from, to, at, endian: endian(choices) }
+        ChecksumField { checksum, from, to, at, endian: endian(choices) }
     });
     FrameForm { sync, length, tags, kind, checksum }
 }
@@ -72,11 +72,15 @@ fn endian(choices: &mut Choices<'_>) -> Endian {
     if choices.byte() & 1 == 0 { Endian::Little } else { Endian::Big }
 }
 
-fn place(choices: &mut Choices<'_>) -> Place {
+fn place(choices: &mut Choices<'_>) -> NumberPosition {
     let number = NUMBERS[usize::from(choices.byte()) % NUMBERS.len()];
-    let place = Place::new(i32::from(choices.byte().cast_signed()), number, endian(choices));
+    let place = NumberPosition::new(i32::from(choices.byte().cast_signed()), number, endian(choices));
     // Masks apply only to unsigned integers.
-    if number.is_unsigned() && choices.byte() & 1 == 1 { Place { mask: 0x0ff0, ..place } } else { place }
+    if number.is_unsigned() && choices.byte() & 1 == 1 {
+        NumberPosition { mask: 0x0ff0, ..place }
+    } else {
+        place
+    }
 }
 
 fn tag(choices: &mut Choices<'_>) -> Tag {
@@ -93,8 +97,10 @@ pub(crate) fn binary(bytes: &[u8]) {
     let (described, rest) = bytes.split_at(bytes.len().min(FORM_BYTES));
     let mut choices = Choices::new(described);
     let form = form(&mut choices);
-    let places: [Place; 6] = match form.sync[..] == wires::binary::SYNC {
-        true => core::array::from_fn(|index| Place::new(8 + 4 * index as i32, Number::F32, Endian::Little)),
+    let places: [NumberPosition; 6] = match form.sync[..] == wires::binary::SYNC {
+        true => core::array::from_fn(|index| {
+            NumberPosition::new(8 + 4 * index as i32, Number::F32, Endian::Little)
+        }),
         false => core::array::from_fn(|_| place(&mut choices)),
     };
     let count =
@@ -107,15 +113,15 @@ pub(crate) fn binary(bytes: &[u8]) {
     }
     let (mut frames, mut declared) = (Frames::new(form.clone()), 0);
     frames.push(rest);
-    while let Some(found) = frames.advance() {
-        match found {
-            Found::Frame(frame) => {
-                assert!(matches!(form.look(frame), Look::Frame(whole) if whole == frame));
+    while let Some(element) = frames.advance() {
+        match element {
+            StreamElement::Frame(frame) => {
+                assert!(matches!(form.match_start(frame), FrameMatch::Frame(whole) if whole == frame));
                 assert!((form.least()..=form.most()).contains(&frame.len()));
                 declared += frame.len();
             }
-            Found::Other => {}
-            Found::Passed { bytes, .. } => declared += bytes,
+            StreamElement::Other => {}
+            StreamElement::Skipped { bytes, .. } => declared += bytes,
         }
     }
     assert!(declared + frames.kept() <= rest.len());

@@ -8,7 +8,7 @@ use equipoise_core::message::GroundSample;
 use super::choices::{Choices, pieces};
 
 /// Every number is finite.
-pub(crate) fn sound(sample: &GroundSample) {
+pub(crate) fn assert_valid(sample: &GroundSample) {
     assert!(sample.force_n.iter().chain(&sample.moment_nm).all(|number| number.is_finite()));
     assert!(sample.foot_vertical_n.iter().all(|newtons| newtons.is_finite()));
     assert!(sample.foot_cop_m.iter().flatten().all(|metres| metres.is_finite()));
@@ -39,7 +39,7 @@ pub(crate) fn datagrams(device: impl Fn() -> Box<dyn GroundDevice>, bytes: &[u8]
         samples.clear();
         protocol.receive(choices.take(length), arrival_ns, &mut samples);
         for sample in &samples {
-            sound(sample);
+            assert_valid(sample);
             reported += 1;
             assert_eq!(sample.sequence, reported);
             assert!(sample.arrival_ns == arrival_ns);
@@ -70,7 +70,7 @@ fn samples_of<'a>(
     for piece in pieces {
         protocol.receive(piece, NOW_NS, &mut samples);
     }
-    samples.iter().for_each(sound);
+    samples.iter().for_each(assert_valid);
     // The clock fit depends on the ends of pieces, so times are not compared.
     for sample in &mut samples {
         (sample.sample_time_ns, sample.sample_time_sigma_ns) = (0, 0);

@@ -7,7 +7,7 @@ use super::choices::Choices;
 use super::seeds::{self, Part};
 
 /// Every number is finite, every orientation a rotation.
-pub(crate) fn sound(sample: &SuitSample) {
+pub(crate) fn assert_valid(sample: &SuitSample) {
     for quaternion in sample.orientation_wxyz {
         let norm: f64 = quaternion.iter().map(|part| part * part).sum();
         assert!((norm - 1.0).abs() < 1e-9, "{quaternion:?}");
@@ -53,7 +53,7 @@ pub(crate) fn assembler(bytes: &[u8]) {
         fed += 1;
         let mut sample = assembler.receive(&datagram, arrival_ns);
         while let Some(complete) = sample {
-            sound(&complete);
+            assert_valid(&complete);
             if let Some(before) = before {
                 assert_eq!(complete.sequence, before.sequence + 1);
                 assert!(complete.session >= before.session);

@@ -26,7 +26,7 @@ impl Latencies {
     }
 
     /// The latency that differs from `before`, as table and value, ms.
-    pub fn changed(self, before: Latencies) -> Option<(&'static str, f64)> {
+    pub fn changed_sensor_latency(self, before: Latencies) -> Option<(&'static str, f64)> {
         if self.suit_ms != before.suit_ms {
             return Some(("suit", self.suit_ms));
         }
@@ -36,7 +36,7 @@ impl Latencies {
 
 /// The keys to change with their new values, ms; for two ground devices both keys, so that their difference remains.
 pub fn settings_to_change(config: &Config, before: Latencies, after: Latencies) -> Vec<(&'static str, f64)> {
-    let Some((table, ms)) = after.changed(before) else { return Vec::new() };
+    let Some((table, ms)) = after.changed_sensor_latency(before) else { return Vec::new() };
     match (&config.ground.second, table) {
         (_, "suit") => vec![("suit.latency_ms", ms)],
         (None, _) => vec![("ground.latency_ms", ms)],
@@ -50,22 +50,22 @@ pub fn settings_to_change(config: &Config, before: Latencies, after: Latencies) 
 /// Advice if another process reads the late sensor: the adapter's latency_ms corrects timestamps; the daemon's sets the
 /// expected arrival.
 pub fn external_setting(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
-    let (table, ms) = after.changed(before)?;
-    let (external, more_ms) = match table {
+    let (table, ms) = after.changed_sensor_latency(before)?;
+    let (external, increase_ms) = match table {
         "suit" => (config.suit.source == SuitSourceKind::External, ms - before.suit_ms),
         _ => (config.ground.source == GroundSourceKind::External, ms - before.ground_ms),
     };
     external.then(|| {
         format!(
-            "add {more_ms} to [{table}] latency_ms in the configurations of the {table} adapter and the daemon, and \
-             restart both"
+            "add {increase_ms} to [{table}] latency_ms in the configurations of the {table} adapter and the daemon, \
+             and restart both"
         )
     })
 }
 
 /// What to change, in one line; `None` without a change.
 pub fn advice(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
-    after.changed(before)?;
+    after.changed_sensor_latency(before)?;
     Some(external_setting(config, before, after).unwrap_or_else(|| {
         let keys = settings_to_change(config, before, after);
         let keys = keys.iter().filter_map(|(key, ms)| {
@@ -91,7 +91,7 @@ mod tests {
                     let left_ms = later_ms - (after.suit_ms - suit_ms) + (after.ground_ms - ground_ms);
                     assert!(left_ms.abs() < 1e-12, "{before:?} {later_ms} → {after:?}");
                     assert!(after.suit_ms >= 0.0 && after.ground_ms >= 0.0);
-                    assert_eq!(after.changed(before).is_some(), later_ms != 0.0);
+                    assert_eq!(after.changed_sensor_latency(before).is_some(), later_ms != 0.0);
                 }
             }
         }

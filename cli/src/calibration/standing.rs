@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 
 use equipoise_adapters::calibration::register::Hold;
-use equipoise_adapters::calibration::register::holds::Moment;
+use equipoise_adapters::calibration::register::holds::Observation;
 use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Side, Skeleton};
 use equipoise_core::message::{State, SuitSample, Validity};
 use nalgebra::Vector3;
@@ -61,7 +61,7 @@ impl Standing {
 
     /// The observation that belongs to a state; `None` if it was returned before or no matching suit sample is
     /// available.
-    pub fn state(&mut self, state: &State) -> Option<Moment> {
+    pub fn state(&mut self, state: &State) -> Option<Observation> {
         let time_ns = state.suit_sample_time_ns;
         if time_ns <= self.returned_ns {
             return None;
@@ -76,11 +76,11 @@ impl Standing {
             .filter(|body| difference_ns(body) <= TIME_DIFFERENCE_MAX_NS)?;
         self.returned_ns = time_ns;
         let invalid = state.validity().any_of(Validity::INVALIDATES_COP_MEASURED.and(Validity::SUIT_STALE));
-        Some(Moment {
+        Some(Observation {
             time_ns,
             stance: state.stance,
             still: state.static_pose == 1 && !invalid,
-            seen: Hold {
+            values: Hold {
                 measured_m: state.cop_measured_m,
                 expected_m: [body.centre_m.x, body.centre_m.y],
                 heading_rad: body.heading_rad,
@@ -112,8 +112,8 @@ mod tests {
         state.cop_measured_m = [0.1, 0.2];
         let standing_sample = standing.state(&state).unwrap();
         assert!(standing_sample.still && standing_sample.stance == 3);
-        assert_eq!(standing_sample.seen.measured_m, [0.1, 0.2]);
-        assert!((standing_sample.seen.heading_rad - 0.5).abs() < 1e-9);
+        assert_eq!(standing_sample.values.measured_m, [0.1, 0.2]);
+        assert!((standing_sample.values.heading_rad - 0.5).abs() < 1e-9);
         // A model's lag has moved the next state's time back.
         sample.sample_time_ns += 1_000_000_000;
         standing.suit(&sample);
@@ -122,7 +122,7 @@ mod tests {
         state.suit_sample_time_ns = sample.sample_time_ns - 500_000_000;
         assert!(standing.state(&state).is_none(), "no suit sample near that time");
         // The centre of mass lies slightly in front of the pelvis, along the body's heading.
-        let [x, y] = standing_sample.seen.expected_m;
+        let [x, y] = standing_sample.values.expected_m;
         let forward = (turn.inverse() * (Vector3::new(x, y, 0.0) - turn * Vector3::from(t_pose[0]))).xy();
         assert!(forward.y.abs() < 1e-3 && forward.x.abs() < 0.05, "{forward}");
         assert!(standing.state(&state).is_none(), "returned once");

@@ -11,7 +11,7 @@ use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_core::exposure::Exposure;
 use equipoise_core::handover::experience::{Experience, LimitRatio};
-use equipoise_core::handover::search::{Place, Planning, Predicted, REGION_M, places};
+use equipoise_core::handover::search::{PlacePrediction, Planning, Predicted, REGION_M, places};
 use equipoise_core::handover::{Body, FootPlacement, MASS_KG, PLACE_MAX_M, Part, WIDTH_M};
 use equipoise_daemon::profile::{Profile, unix_s};
 use equipoise_daemon::run::ConfigArgument;
@@ -101,7 +101,7 @@ fn place(text: &str) -> Result<Vector3<f64>, String> {
 
 /// The best place, the current one, and what they stand on.
 struct Plan {
-    best: Place,
+    best: PlacePrediction,
     /// Heading of the feet: angle from the station's X axis about the vertical, rad; 0 without a running daemon.
     feet_heading_rad: f64,
     /// The current place, relative to the feet, m.
@@ -109,7 +109,7 @@ struct Plan {
     /// Number of measured handovers.
     handovers: usize,
     /// All places; empty for a plan of the daemon.
-    map: Vec<Place>,
+    map: Vec<PlacePrediction>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -160,8 +160,10 @@ fn stored(config: &Config, id: &str, arguments: &HandoverArguments) -> anyhow::R
     let part =
         Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width, slope_rad: None };
     let planning = Planning { body: &body, height_m, feet: &feet, part: &part, experience: &experience };
-    let map: Vec<Place> = places(REGION_M).map(|place_m| planning.at_best_slope(place_m)).collect();
-    let Some(best) = Place::lowest(map.iter().copied()) else { bail!(infeasible(id, arguments.mass)) };
+    let map: Vec<PlacePrediction> = places(REGION_M).map(|place_m| planning.at_best_slope(place_m)).collect();
+    let Some(best) = PlacePrediction::lowest(map.iter().copied()) else {
+        bail!(infeasible(id, arguments.mass))
+    };
     let now = arguments.now.map(|place_m| (place_m, planning.at(place_m, None).predicted));
     Ok(Plan { best, feet_heading_rad: 0.0, now, handovers: experience.count(), map })
 }
@@ -260,9 +262,9 @@ fn json_of(place_m: Vector3<f64>, slope_rad: Option<f64>, predicted: Predicted) 
     }
 }
 
-fn csv(map: &[Place]) -> String {
+fn csv(map: &[PlacePrediction]) -> String {
     let mut text = "forward_m,left_m,up_m,slope_rad,limit_ratio,limit_ratio_sigma,joint\n".to_owned();
-    for Place { place_m, slope_rad, predicted, .. } in map {
+    for PlacePrediction { place_m, slope_rad, predicted, .. } in map {
         let values = match predicted {
             Ok((worst, ratio)) => format!("{:.4},{:.4},{}", ratio.value, ratio.sigma, worst.name()),
             Err(why) => format!(",,{}", why.name()),

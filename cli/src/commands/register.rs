@@ -102,7 +102,7 @@ fn collect_holds(arguments: &Arguments, config: &Config) -> anyhow::Result<Vec<H
     let mut holds = Holds::default();
     let (started, mut is_still) = (Instant::now(), false);
     prompt(0, arguments.places);
-    while holds.found().len() < arguments.places && started.elapsed().as_secs_f64() < arguments.seconds {
+    while holds.completed().len() < arguments.places && started.elapsed().as_secs_f64() < arguments.seconds {
         if stop.load(Ordering::Relaxed) {
             bail!("stopped");
         }
@@ -112,24 +112,24 @@ fn collect_holds(arguments: &Arguments, config: &Config) -> anyhow::Result<Vec<H
         while let Some(state) = states.receive()? {
             let Some(sample) = standing.state(&state) else { continue };
             timeout.reset();
-            match holds.take(sample) {
-                Progress::Moving | Progress::Known => is_still = false,
-                Progress::Holding { left_s } if !is_still && left_s < 1.5 => {
+            match holds.ingest(sample) {
+                Progress::Moving | Progress::AlreadyUsed => is_still = false,
+                Progress::Holding { remaining_s } if !is_still && remaining_s < 1.5 => {
                     is_still = true;
                     eprintln!("  hold still …");
                 }
                 Progress::Holding { .. } => {}
-                Progress::Got(_) => {
+                Progress::Completed(_) => {
                     is_still = false;
                     eprintln!("  got it");
-                    prompt(holds.found().len(), arguments.places);
+                    prompt(holds.completed().len(), arguments.places);
                 }
             }
         }
         timeout.check()?;
         std::thread::sleep(Duration::from_millis(2));
     }
-    Ok(holds.found().to_vec())
+    Ok(holds.completed().to_vec())
 }
 
 fn prompt(done: usize, places: usize) {

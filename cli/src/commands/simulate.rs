@@ -16,7 +16,7 @@ use equipoise_simulator::plate::Plate;
 use equipoise_simulator::player::{self, PlayerSettings, Recorded};
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{OnPlates, Simulation, SimulationHandle};
-use equipoise_simulator::walk::Place;
+use equipoise_simulator::walk::StandingPosition;
 
 use super::Outcome;
 
@@ -208,7 +208,7 @@ impl Does {
             Does::Lifts => person.lift_and_show(BOXES_KG[acts % BOXES_KG.len()]),
             Does::Corners => {
                 let ([x, y], heading_rad) = CORNERS[acts % CORNERS.len()];
-                person.go(AHEAD_S, Place { middle_m: [x, y].into(), heading_rad });
+                person.go(AHEAD_S, StandingPosition { middle_m: [x, y].into(), heading_rad });
             }
             Does::Stomps => drop(person.stomp(6)),
             Does::Away => person.put_on_plates(OnPlates::Nothing),

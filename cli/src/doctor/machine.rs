@@ -9,44 +9,44 @@ use super::facts::{Facts, Preemption};
 const GOOD_SOURCES: [&str; 5] =
     ["tsc", "kvm-clock", "hyperv_clocksource_tsc_page", "arch_sys_counter", "xen"];
 /// First id of ordinary users (login.defs).
-const ORDINARY_FROM: u32 = 1000;
+const ORDINARY_USERS_FROM: u32 = 1000;
 /// If real-time threads may use less than this fraction of each period, the kernel may throttle the loop after a single
 /// late cycle.
 const RT_FRACTION_MIN: f64 = 0.5;
 
 pub(super) fn user(facts: &Facts) -> Check {
     const NAME: &str = "user";
-    let who = format!("{} ({})", facts.user, facts.user_id);
+    let name = format!("{} ({})", facts.user, facts.user_id);
     match facts.user_id {
         0 => Check::warn(
             NAME,
-            format!("{who}: the service needs no root"),
+            format!("{name}: the service needs no root"),
             "run it as the system user `equipoise` with the shipped systemd unit (systemd/README.md)",
         ),
-        id if id < ORDINARY_FROM => Check::ok(NAME, format!("{who}, a system user")),
+        id if id < ORDINARY_USERS_FROM => Check::ok(NAME, format!("{name}, a system user")),
         _ => {
-            Check::ok(NAME, format!("{who}, an ordinary user: every process on the bus must be of the same"))
+            Check::ok(NAME, format!("{name}, an ordinary user: every process on the bus must be of the same"))
         }
     }
 }
 
 pub(super) fn real_time(facts: &Facts, tick: &LoopConfig) -> Check {
     const NAME: &str = "real-time priority";
-    let asked = u64::from(tick.priority);
-    if asked == 0 {
+    let requested = u64::from(tick.priority);
+    if requested == 0 {
         return Check::skipped(NAME, "not requested (loop.priority = 0)");
     }
     if facts.has_scheduling_capability {
-        return Check::ok(NAME, format!("SCHED_FIFO {asked} may be had (CAP_SYS_NICE)"));
+        return Check::ok(NAME, format!("SCHED_FIFO {requested} is available (CAP_SYS_NICE)"));
     }
     match facts.rtprio_limit {
-        Some(limit) if limit < asked => Check::fail(
+        Some(limit) if limit < requested => Check::fail(
             NAME,
-            format!("RLIMIT_RTPRIO is {limit}, loop.priority {asked}, and CAP_SYS_NICE is missing"),
+            format!("RLIMIT_RTPRIO is {limit}, loop.priority {requested}, and CAP_SYS_NICE is missing"),
             "run under the shipped systemd unit (AmbientCapabilities=CAP_SYS_NICE), or put `@realtime - rtprio 90` into \
              /etc/security/limits.d/ and log in again",
         ),
-        _ => Check::ok(NAME, format!("SCHED_FIFO {asked} may be had (RLIMIT_RTPRIO)")),
+        _ => Check::ok(NAME, format!("SCHED_FIFO {requested} is available (RLIMIT_RTPRIO)")),
     }
 }
 
@@ -56,7 +56,7 @@ pub(super) fn throttling(facts: &Facts) -> Check {
         return Check::skipped(NAME, "the kernel does not report it");
     };
     if runtime_us < 0 {
-        return Check::ok(NAME, "off: a real-time thread that spins holds its core for ever");
+        return Check::ok(NAME, "off: a real-time thread that spins occupies its core indefinitely");
     }
     let fraction = runtime_us as f64 / period_us.max(1) as f64;
     let found = format!(
@@ -68,7 +68,7 @@ pub(super) fn throttling(facts: &Facts) -> Check {
     match fraction {
         fraction if fraction <= 0.0 => Check::fail(NAME, found, FIX),
         fraction if fraction < RT_FRACTION_MIN => Check::warn(NAME, found, FIX),
-        _ => Check::ok(NAME, format!("{found}; the loop needs a few")),
+        _ => Check::ok(NAME, format!("{found}; the loop needs a few percent")),
     }
 }
 
@@ -116,7 +116,7 @@ pub(super) fn core(facts: &Facts, tick: &LoopConfig) -> Check {
                 "loop.cpu = {cpu}, and this computer has the cores 0 to {}",
                 facts.cores.saturating_sub(1)
             ),
-            "choose one of them, or take the line out",
+            "choose one of them, or remove the key",
         ),
         Some(cpu) if !facts.isolated.contains(&cpu) => Check::warn(
             NAME,
@@ -141,7 +141,7 @@ pub(super) fn preemption(facts: &Facts) -> Check {
         }
         Preemption::AtBoot => Check::warn(
             NAME,
-            "chosen at boot (PREEMPT_DYNAMIC), and not to be seen from here",
+            "chosen at boot (PREEMPT_DYNAMIC), and the current mode is unreadable",
             format!(
                 "as root: `mount -t debugfs none /sys/kernel/debug`, run this again; unless it is full, {FIX}"
             ),
@@ -157,8 +157,8 @@ pub(super) fn clock_source(facts: &Facts) -> Check {
         Some(source) => Check::warn(
             NAME,
             format!("{source}: slow to read, for every stamp"),
-            "see `dmesg | grep -i tsc` for why the kernel left tsc; a firmware update, or `tsc=reliable` where the \
-             hardware is known to be sound",
+            "see `dmesg | grep -i tsc` for why the kernel left tsc; a firmware update, or `tsc=reliable` if the \
+             hardware has a reliable TSC",
         ),
     }
 }

@@ -15,7 +15,7 @@ pub(super) fn to(destination: &Destination, is_ours: impl Fn(&Path) -> bool) -> 
         }
         for link in std::fs::read_dir(folder.path()).into_iter().flatten().flatten() {
             let path = admin.join(&name).join(link.file_name());
-            if std::fs::read_link(link.path()).is_ok_and(|target| is_ours(&meant(&path, &target))) {
+            if std::fs::read_link(link.path()).is_ok_and(|target| is_ours(&absolute_target(&path, &target))) {
                 links.push(path);
             }
         }
@@ -24,8 +24,8 @@ pub(super) fn to(destination: &Destination, is_ours: impl Fn(&Path) -> bool) -> 
     links
 }
 
-/// The absolute path of a link's target.
-fn meant(link: &Path, target: &Path) -> PathBuf {
+/// Absolute path of a link's target.
+fn absolute_target(link: &Path, target: &Path) -> PathBuf {
     let mut path = PathBuf::new();
     for part in link.parent().unwrap_or(link).join(target).components() {
         match part {

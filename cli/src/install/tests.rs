@@ -266,11 +266,13 @@ fn files_of_another_prefix_are_not_removed() {
 fn overriding_units_are_reported() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
-    let by_hand = root.join("etc/systemd/system/equipoise.service");
-    fs::create_dir_all(by_hand.parent().unwrap()).unwrap();
-    fs::write(&by_hand, "").unwrap();
+    let admin_unit = root.join("etc/systemd/system/equipoise.service");
+    fs::create_dir_all(admin_unit.parent().unwrap()).unwrap();
+    fs::write(&admin_unit, "").unwrap();
     let done = install(&at("/usr/local", &root), &program, false).unwrap();
-    assert!(done.last().unwrap().contains("/etc/systemd/system/equipoise.service was put there by hand"));
+    assert!(
+        done.last().unwrap().contains("/etc/systemd/system/equipoise.service overrides the installed unit")
+    );
 }
 
 #[test]

@@ -10,7 +10,7 @@ use equipoise_simulator::ports::free_address;
 use equipoise_simulator::repertoire::LIFTING;
 use equipoise_simulator::settings::SecondPlateSettings;
 use equipoise_simulator::simulation::OnPlates;
-use equipoise_simulator::walk::Place;
+use equipoise_simulator::walk::StandingPosition;
 use serde_json::Value;
 
 use crate::adapters::external;
@@ -242,7 +242,7 @@ fn the_pose_of_a_misplaced_plate_is_estimated_and_corrected(station: &Station) {
         if line.contains("got it")
             && let Some([x, y]) = next_m.next()
         {
-            person.go(2.5, Place { middle_m: [*x, *y].into(), heading_rad: 0.0 });
+            person.go(2.5, StandingPosition { middle_m: [*x, *y].into(), heading_rad: 0.0 });
         }
     };
     let (code, report, message) = execute(process, walk);

@@ -50,7 +50,8 @@ fn a_subject_is_identified_with_insoles_and_unavailable_quantities_are_reported(
     settings.plate.address = "127.0.0.1:0".parse().unwrap();
     let person = Person::new(settings.seed, settings.height_m, settings.mass_kg);
     let simulation = Simulation::start(settings).unwrap();
-    let size_m = [person.sole_m.back + person.sole_m.forward, 2.0 * person.sole_m.half_width];
+    let size_m =
+        [person.foot_outline_m.back + person.foot_outline_m.forward, 2.0 * person.foot_outline_m.half_width];
     let line = Line::new(Box::new(UdpPort::to(insoles).unwrap()), 1);
     let device = Moticon::new(line, &ALL, 100.0, size_m);
     let pace = Pace { start_ns: simulation.start_ns(), ..Pace::default() };

@@ -87,7 +87,10 @@ fn segments_and_foot_outlines_are_those_of_the_suit() {
     for side in Side::BOTH {
         let heel = bodies[0].foot_point_m(side, FootPoint::Heel).unwrap();
         let tip = bodies[0].foot_point_m(side, FootPoint::ToeTip).unwrap();
-        assert!((heel.x + person.sole_m.back).abs() < 1e-6 && (tip.x - person.sole_m.forward).abs() < 1e-6);
+        assert!(
+            (heel.x + person.foot_outline_m.back).abs() < 1e-6
+                && (tip.x - person.foot_outline_m.forward).abs() < 1e-6
+        );
     }
     let input = Input::open(&out).unwrap();
     let chosen = input.configuration(None).unwrap();

@@ -29,31 +29,35 @@ fn until(what: &str, mut condition: impl FnMut() -> bool) {
 }
 
 /// States of a recording by time, and its pictures: topic, time, text.
-struct Found {
+struct Contents {
     states: BTreeMap<u64, Box<State>>,
     pictures: Vec<(String, u64, String)>,
 }
 
-fn read(path: &Path) -> (Found, bool) {
+fn read(path: &Path) -> (Contents, bool) {
     let recording = Recording::open(path).unwrap();
-    let mut found = Found { states: BTreeMap::new(), pictures: Vec::new() };
+    let mut contents = Contents { states: BTreeMap::new(), pictures: Vec::new() };
     for entry in recording.entries() {
         let entry = entry.unwrap();
         match entry.entry {
-            Entry::State(state) => drop(found.states.insert(entry.log_time_ns, state)),
+            Entry::State(state) => drop(contents.states.insert(entry.log_time_ns, state)),
             Entry::Other { topic, data, .. } => {
-                found.pictures.push((topic.to_string(), entry.log_time_ns, String::from_utf8(data).unwrap()));
+                contents.pictures.push((
+                    topic.to_string(),
+                    entry.log_time_ns,
+                    String::from_utf8(data).unwrap(),
+                ));
             }
             _ => {}
         }
     }
-    (found, recording.truncated())
+    (contents, recording.truncated())
 }
 
 /// Every picture is that of the state in the file at its time.
-fn assert_pictures_are_of_their_states(found: &Found) {
-    for (topic, time_ns, text) in &found.pictures {
-        let state = found.states.get(time_ns).unwrap_or_else(|| panic!("no state at {time_ns}"));
+fn assert_pictures_are_of_their_states(contents: &Contents) {
+    for (topic, time_ns, text) in &contents.pictures {
+        let state = contents.states.get(time_ns).unwrap_or_else(|| panic!("no state at {time_ns}"));
         let expected = if topic == Channel::SCENE.topic {
             scene::of(state, *time_ns).to_text().unwrap()
         } else {
@@ -83,17 +87,22 @@ fn a_killed_recorder_leaves_pictures_of_earlier_states() {
     recorder.kill().unwrap();
     recorder.wait().unwrap();
 
-    let (found, truncated) = read(&with);
+    let (contents, truncated) = read(&with);
     assert!(truncated, "it had no time to end the file");
-    assert_pictures_are_of_their_states(&found);
+    assert_pictures_are_of_their_states(&contents);
     // On both channels one for each twentieth of a second that has a state; the end of the file may cut off the last.
-    let slots: BTreeSet<u64> = found.states.keys().map(|time_ns| time_ns / 50_000_000).collect();
-    let missing = (2 * slots.len()).checked_sub(found.pictures.len());
-    assert!(missing.is_some_and(|missing| missing <= 2), "{} of {} slots", found.pictures.len(), slots.len());
+    let slots: BTreeSet<u64> = contents.states.keys().map(|time_ns| time_ns / 50_000_000).collect();
+    let missing = (2 * slots.len()).checked_sub(contents.pictures.len());
+    assert!(
+        missing.is_some_and(|missing| missing <= 2),
+        "{} of {} slots",
+        contents.pictures.len(),
+        slots.len()
+    );
 
     assert!(matches!(plain.wait().unwrap().code(), Some(0 | 3)));
-    let (found, truncated) = read(&without);
-    assert!(!truncated && found.pictures.is_empty() && !found.states.is_empty());
+    let (contents, truncated) = read(&without);
+    assert!(!truncated && contents.pictures.is_empty() && !contents.states.is_empty());
 }
 
 /// A measurement, not a requirement: the size of pictures in a file.
@@ -113,17 +122,21 @@ fn pictures_have_the_documented_size() {
     let mut counts = Vec::new();
     for (rate, out, mut child) in recorders {
         assert!(matches!(child.wait().unwrap().code(), Some(0 | 3)));
-        let (found, _) = read(&out);
+        let (contents, _) = read(&out);
         let of = |topic: &str| {
-            let all: Vec<usize> =
-                found.pictures.iter().filter(|(of, ..)| of == topic).map(|(.., text)| text.len()).collect();
+            let all: Vec<usize> = contents
+                .pictures
+                .iter()
+                .filter(|(of, ..)| of == topic)
+                .map(|(.., text)| text.len())
+                .collect();
             (all.len(), all.iter().sum::<usize>() / all.len().max(1))
         };
         let (scenes, states) = (of(Channel::SCENE.topic), of(Channel::STATE.topic));
         println!(
             "{rate} Hz: {} bytes in the file for {} states; {} scenes of {} bytes, {} states of {} bytes before compression",
             bytes(&out),
-            found.states.len(),
+            contents.states.len(),
             scenes.0,
             scenes.1,
             states.0,
@@ -174,11 +187,11 @@ fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
     assert!(own_files.len() >= 2, "{own_files:?}");
     let mut last = None;
     for path in &own_files {
-        let (found, truncated) = read(path);
+        let (contents, truncated) = read(path);
         assert!(!truncated, "{}: each file is ended", path.display());
-        let cycles: Vec<u64> = found.states.values().map(|state| state.cycle).collect();
         // The newest may have been ended right after its begin.
-        assert!(!found.pictures.is_empty() || Some(path) == own_files.last(), "{}", path.display());
+        assert!(!contents.pictures.is_empty() || Some(path) == own_files.last(), "{}", path.display());
+        let cycles: Vec<u64> = contents.states.values().map(|state| state.cycle).collect();
         // The next file continues where the previous one ended; on a busy machine states may be lost, never duplicated.
         let begins_later = cycles.first().is_none_or(|first| last.is_none_or(|last| *first > last));
         assert!(begins_later, "{}", path.display());

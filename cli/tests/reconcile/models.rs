@@ -142,7 +142,7 @@ fn a_subject_identified_before_the_recording_is_not_identified_again() {
     samples.write_from(&work, &script.config(), from_ns, Some(&memory));
 
     let loaded = compared(&work, &script.config(), Given::default());
-    assert!(loaded.found.description.contains("the worker was identified before the recording began"));
+    assert!(loaded.spans.description.contains("the worker was identified before the recording began"));
     assert!(loaded.session.blocks.len() > 80, "{}", loaded.session.blocks.len());
     assert!(loaded.session.blocks.iter().all(|block| block.phase == Phase::Work));
     let [phi, again] = [&stored, &loaded].map(|one| one.session.blocks[0].observation.phi_m);

@@ -47,15 +47,15 @@ fn a_recording_of_several_workers_needs_spans_of_one() {
     for (id, identify, work) in
         [("anon-1", "0:16", None), ("anon-1", "0:16", Some("18:27.5")), ("anon-2", "28.5:44", None)]
     {
-        let found = compared(id, Some(identify), work).unwrap();
+        let result = compared(id, Some(identify), work).unwrap();
         let is_second = id == "anon-2";
-        let times_s = found.session.blocks.iter().map(|block| block.observation.time_s);
+        let times_s = result.session.blocks.iter().map(|block| block.observation.time_s);
         let [from_s, to_s] = if is_second { [CHANGE_S, script.length_s()] } else { [0.0, CHANGE_S] };
         assert!(times_s.clone().count() > 20);
         assert!(times_s.clone().all(|time_s| (from_s..to_s).contains(&time_s)), "{id} {identify}");
     }
     // The memory in the recording is of the first worker.
-    let found = compared("anon-2", None, Some("44:60")).unwrap();
-    assert!(!found.found.description.contains("identified before the recording began"));
-    assert!((found.session.mass_kg - script.subject.mass_kg).abs() < 1e-9, "{}", found.session.mass_kg);
+    let result = compared("anon-2", None, Some("44:60")).unwrap();
+    assert!(!result.spans.description.contains("identified before the recording began"));
+    assert!((result.session.mass_kg - script.subject.mass_kg).abs() < 1e-9, "{}", result.session.mass_kg);
 }

@@ -9,7 +9,7 @@ use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
 use equipoise_simulator::repertoire::{LIFTING, REPERTOIRE};
 use equipoise_studies::sensors::{EPOCH_NS, Rig, ground_sample, suit_sample};
-use equipoise_studies::subject::{Subject, ask_all};
+use equipoise_studies::subject::{Subject, map_in_parallel};
 use tempfile::TempDir;
 
 /// Masses of the lifts, and when each is in the hands, s.
@@ -110,8 +110,10 @@ fn write(path: &Path) {
     let mut recorder = Recorder::create(path, &header).unwrap();
     let numbers = |rate_hz: u32| -> Vec<u32> { (0..(LENGTH_S * f64::from(rate_hz)) as u32).collect() };
     let seed = subject.seed;
-    let suits = ask_all(&numbers(rig.suit_hz), |number| suit_sample(&worker, &suit, &rig, seed, *number));
-    let grounds = ask_all(&numbers(rig.plate_hz), |number| ground_sample(&worker, &rig, seed, *number));
+    let suits =
+        map_in_parallel(&numbers(rig.suit_hz), |number| suit_sample(&worker, &suit, &rig, seed, *number));
+    let grounds =
+        map_in_parallel(&numbers(rig.plate_hz), |number| ground_sample(&worker, &rig, seed, *number));
     let mut grounds = grounds.iter().peekable();
     for suit in &suits {
         while let Some(ground) = grounds.next_if(|ground| ground.published_ns < suit.published_ns) {

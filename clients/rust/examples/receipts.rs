@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
-    let bus = Bus::join(&BusSettings::new(&station, "pick-ups"))?;
+    let bus = Bus::join(&BusSettings::new(&station, "receipts"))?;
     let (mut reports, mut states) = (bus.subscriber::<ConsumerReceipt>(32)?, bus.subscriber::<State>(1)?);
     let listener = bus.listener(Channel::Results)?;
     let mut cycle = 0;

@@ -4,7 +4,7 @@ use crate::clock::now_ns;
 use crate::early::EarlyReading;
 use crate::reading::{NoReading, Reading};
 use crate::reporting::Reporting;
-use crate::sequence::{Place, Sequence};
+use crate::sequence::{Classification, Sequence};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Listener, Subscriber, Topic};
 use equipoise_core::message::{ConsumerReceipt, EarlyState, State};
 use std::time::Duration;
@@ -266,9 +266,8 @@ impl Consumer {
             self.refused = Some(reason.clone());
             return Some(Err(reason));
         }
-        let Place::New { missed, restarted, suit_sample_time_ns } = self.sequence.take(&state, writer) else {
-            return None;
-        };
+        let order = self.sequence.classify(&state, writer);
+        let Classification::New { missed, restarted, suit_sample_time_ns } = order else { return None };
         self.last_received_ns = now_ns;
         self.reporting.enter(now_ns, &state, missed, suit_sample_time_ns);
         // After a restart only the new daemon's missed states count: losses of the previous one cannot be determined,

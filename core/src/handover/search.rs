@@ -47,9 +47,9 @@ pub struct Planning<'a> {
     pub experience: &'a Experience,
 }
 
-/// A place of the part, and what is predicted there.
+/// A place of the part, with the prediction for it.
 #[derive(Debug, Clone, Copy)]
-pub struct Place {
+pub struct PlacePrediction {
     /// Relative to the feet, as [`FootPlacement::place_m`], m.
     pub place_m: Vector3<f64>,
     /// In the station's world, m.
@@ -63,9 +63,9 @@ pub struct Place {
 /// The worst joint and its limit ratio.
 pub type Predicted = Result<(Joint, LimitRatio), Infeasible>;
 
-impl Place {
+impl PlacePrediction {
     /// The feasible place with the lowest limit ratio.
-    pub fn lowest(places: impl Iterator<Item = Place>) -> Option<Place> {
+    pub fn lowest(places: impl Iterator<Item = PlacePrediction>) -> Option<PlacePrediction> {
         places.filter(|place| place.predicted.is_ok()).min_by(|a, b| a.value().total_cmp(&b.value()))
     }
 
@@ -87,29 +87,29 @@ type Cell = [usize; 3];
 
 impl Planning<'_> {
     /// The prediction at a place (relative to the feet, m), with this slope of the handles, corrected by experience.
-    pub fn at(&self, place_m: Vector3<f64>, slope_rad: Option<f64>) -> Place {
+    pub fn at(&self, place_m: Vector3<f64>, slope_rad: Option<f64>) -> PlacePrediction {
         let position_m = self.feet.world_m(place_m, self.height_m);
         let predicted = predict(self.body, self.feet, &self.part.with_slope(slope_rad), position_m);
         let predicted = predicted.map(|it| (it.worst, self.experience.correct(place_m, it.worst_ratio)));
-        Place { place_m, position_m, slope_rad, predicted }
+        PlacePrediction { place_m, position_m, slope_rad, predicted }
     }
 
     /// The place of [`REGION_M`] and the slope of [`SLOPES_RAD`] with the lowest limit ratio that the search finds; `None`
     /// if no starting place of the search is feasible.
-    pub fn best(&self) -> Option<Place> {
-        Place::lowest(SLOPES_RAD.iter().filter_map(|slope_rad| self.best_with(*slope_rad)))
+    pub fn best(&self) -> Option<PlacePrediction> {
+        PlacePrediction::lowest(SLOPES_RAD.iter().filter_map(|slope_rad| self.best_with(*slope_rad)))
     }
 
     /// The prediction at a place with the slope of [`SLOPES_RAD`] that has the lowest limit ratio there, or the first one
     /// if none is feasible.
-    pub fn at_best_slope(&self, place_m: Vector3<f64>) -> Place {
+    pub fn at_best_slope(&self, place_m: Vector3<f64>) -> PlacePrediction {
         let all = SLOPES_RAD.map(|slope_rad| self.at(place_m, Some(slope_rad)));
-        Place::lowest(all.into_iter()).unwrap_or(all[0])
+        PlacePrediction::lowest(all.into_iter()).unwrap_or(all[0])
     }
 
     /// The best place with this slope, from coarse to fine. If no place of the coarsest stride is feasible, the search
     /// starts from the next finer one; `None` if that has no feasible place either.
-    fn best_with(&self, slope_rad: f64) -> Option<Place> {
+    fn best_with(&self, slope_rad: f64) -> Option<PlacePrediction> {
         let mut map = Map { planning: self, slope_rad, value: [f64::NAN; PLACES] };
         // If no coarse place is feasible, the next stride bounds the time of a request: one of 2³ times as many places.
         let starts =

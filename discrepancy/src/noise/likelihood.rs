@@ -170,7 +170,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn finds_the_bottom_of_a_bent_valley_and_keeps_its_bounds() {
+    fn finds_the_minimum_of_a_curved_valley_within_bounds() {
         let valley = |at: &[f64; 2]| {
             let (a, b) = (1.0 - at[0], at[1] - at[0] * at[0]);
             Some((20.0 * (a * a + 5.0 * b * b), [-40.0 * a - 400.0 * b * at[0], 200.0 * b]))

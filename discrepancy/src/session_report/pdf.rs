@@ -29,14 +29,14 @@ pub fn print(html: &str, pdf: &Path) -> anyhow::Result<()> {
              {VARIABLE} to its command, or print the HTML page with another browser"
         );
     };
-    let room = Room::next_to(pdf)?;
-    let page = room.0.join("report.html");
+    let scratch = ScratchFolder::next_to(pdf)?;
+    let page = scratch.0.join("report.html");
     std::fs::write(&page, html).with_context(|| format!("cannot write {}", page.display()))?;
-    let printed = room.0.join("report.pdf");
+    let printed = scratch.0.join("report.pdf");
     let mut command = Command::new(&chromium);
     command
         .args(["--headless", "--disable-gpu", "--no-first-run", "--no-pdf-header-footer"])
-        .arg(argument("--user-data-dir=", &room.0.join("profile")))
+        .arg(argument("--user-data-dir=", &scratch.0.join("profile")))
         .arg(argument("--print-to-pdf=", &printed))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
@@ -51,7 +51,7 @@ pub fn print(html: &str, pdf: &Path) -> anyhow::Result<()> {
     let child = child.with_context(|| format!("cannot start {name}"))?;
     wait(child).with_context(|| format!("{name} did not print the report"))?;
     if !std::fs::metadata(&printed).is_ok_and(|printed| printed.len() > 0) {
-        bail!("{name} ended without printing the report; can it read and write {}?", room.0.display());
+        bail!("{name} ended without printing the report; can it read and write {}?", scratch.0.display());
     }
     std::fs::rename(&printed, pdf).with_context(|| format!("cannot write {}", pdf.display()))
 }
@@ -106,26 +106,26 @@ fn wait(mut child: Child) -> anyhow::Result<()> {
 }
 
 /// A private folder next to the result, where a confined Chromium has write access too; removed at the end.
-struct Room(PathBuf);
+struct ScratchFolder(PathBuf);
 
-impl Room {
-    fn next_to(pdf: &Path) -> anyhow::Result<Room> {
+impl ScratchFolder {
+    fn next_to(pdf: &Path) -> anyhow::Result<ScratchFolder> {
         let folder = match pdf.parent() {
             Some(folder) if folder != Path::new("") => folder,
             _ => Path::new("."),
         };
         let folder =
             folder.canonicalize().with_context(|| format!("{}: no such folder", folder.display()))?;
-        let room = folder.join(format!("equipoise-report-{}", std::process::id()));
+        let scratch = folder.join(format!("equipoise-report-{}", std::process::id()));
         DirBuilder::new()
             .mode(0o700)
-            .create(&room)
-            .with_context(|| format!("cannot make {}", room.display()))?;
-        Ok(Room(room))
+            .create(&scratch)
+            .with_context(|| format!("cannot create {}", scratch.display()))?;
+        Ok(ScratchFolder(scratch))
     }
 }
 
-impl Drop for Room {
+impl Drop for ScratchFolder {
     fn drop(&mut self) {
         // A failure leaves only a folder with a recognisable name.
         let _ = std::fs::remove_dir_all(&self.0);

@@ -4,10 +4,10 @@ use std::cell::Cell;
 
 use anyhow::bail;
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
-use equipoise_recording::replay::free;
+use equipoise_recording::replay::synthetic_ticks;
 
 use crate::constants::{IDENTIFY_DELAY_S, TICK_NS};
-use crate::spans::Shown;
+use crate::spans::RecordingEvents;
 
 use super::survey::Survey;
 use super::{Progress, Reconcile};
@@ -28,8 +28,8 @@ pub struct Identified {
 
 impl Identified {
     /// The phases of the recording.
-    pub fn phases(&self, samples_s: [f64; 2]) -> Shown {
-        Shown {
+    pub fn phases(&self, samples_s: [f64; 2]) -> RecordingEvents {
+        RecordingEvents {
             samples_s,
             identified_s: self.identified_s,
             last_learnt_s: self.last_learnt_s,
@@ -90,7 +90,7 @@ struct Pass<'a> {
 
 /// Results so far.
 #[derive(Default)]
-struct Found {
+struct PassResult {
     count: u64,
     last_learnt_s: Option<f64>,
     identified_s: Option<f64>,
@@ -124,68 +124,68 @@ impl<'a> Pass<'a> {
     fn run(&self, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Identified> {
         let recorded = &self.survey.recorded;
         let mut memory = recorded.initial_memory(&self.settings);
-        let mut found = Found::default();
+        let mut result = PassResult::default();
         let done = Cell::new(false);
         let end_s = self.span_s[1];
         let samples = self.reconcile.input.samples(self.reconcile.config)?;
         let samples = samples.take_while(|_| !done.get()).filter(|sample| {
             self.survey.covers(sample.time_ns()) && self.survey.seconds(sample.time_ns()) <= end_s
         });
-        free::run(samples, TICK_NS, &recorded.tares_ns, |tick: Tick, inputs: Inputs<'_>| {
+        synthetic_ticks::run(samples, TICK_NS, &recorded.tares_ns, |tick: Tick, inputs: Inputs<'_>| {
             let now_s = self.survey.seconds(tick.due_ns);
             progress(Progress { doing: "identifying the worker", fraction: now_s / end_s.max(1e-9) });
             if memory.identification.identified == 0 {
                 memory.identification.identifying = u64::from(now_s >= self.span_s[0] + IDENTIFY_DELAY_S);
             }
             step(&self.settings, &mut memory, tick, inputs);
-            self.ingest(&memory, &mut found);
-            done.set(found.identified_s.is_some());
+            self.ingest(&memory, &mut result);
+            done.set(result.identified_s.is_some());
             Ok(())
         })?;
-        self.end(&memory, &mut found);
-        let Some(worker) = found.worker.filter(|worker| worker.has_body()) else {
+        self.end(&memory, &mut result);
+        let Some(worker) = result.worker.filter(|worker| worker.has_body()) else {
             bail!("the suit data are too short to determine the worker's segment lengths");
         };
         Ok(Identified {
             worker,
-            poses: found.poses,
-            motion_samples: found.motion_samples,
-            identified_s: found.identified_s,
-            last_learnt_s: found.last_learnt_s,
+            poses: result.poses,
+            motion_samples: result.motion_samples,
+            identified_s: result.identified_s,
+            last_learnt_s: result.last_learnt_s,
             stored: false,
         })
     }
 
-    fn ingest(&self, memory: &Memory, found: &mut Found) {
+    fn ingest(&self, memory: &Memory, result: &mut PassResult) {
         let worker = &memory.identification;
         let time_s = self.survey.seconds(memory.state.suit_sample_time_ns);
-        let is_first_choice = time_s <= self.until_s || found.worker.is_none();
+        let is_first_choice = time_s <= self.until_s || result.worker.is_none();
         let [poses, motion_samples] = [worker.poses_used, u64::from(memory.state.motion_samples_used)];
-        if poses + motion_samples != found.count {
-            found.count = poses + motion_samples;
+        if poses + motion_samples != result.count {
+            result.count = poses + motion_samples;
             if is_first_choice {
-                found.last_learnt_s = Some(time_s);
+                result.last_learnt_s = Some(time_s);
             }
         }
         if worker.identified == 1 {
-            found.identified_s = Some(time_s);
+            result.identified_s = Some(time_s);
         }
-        let over = time_s >= self.until_s && found.worker.is_none();
+        let over = time_s >= self.until_s && result.worker.is_none();
         if over || worker.identified == 1 {
-            self.store(memory, found);
+            self.store(memory, result);
         }
     }
 
     /// At the end of the samples.
-    fn end(&self, memory: &Memory, found: &mut Found) {
-        if found.worker.is_none() {
-            self.store(memory, found);
+    fn end(&self, memory: &Memory, result: &mut PassResult) {
+        if result.worker.is_none() {
+            self.store(memory, result);
         }
     }
 
-    fn store(&self, memory: &Memory, found: &mut Found) {
-        found.worker = Some(frozen(&memory.identification));
-        found.poses = memory.identification.poses_used;
-        found.motion_samples = u64::from(memory.state.motion_samples_used);
+    fn store(&self, memory: &Memory, result: &mut PassResult) {
+        result.worker = Some(frozen(&memory.identification));
+        result.poses = memory.identification.poses_used;
+        result.motion_samples = u64::from(memory.state.motion_samples_used);
     }
 }

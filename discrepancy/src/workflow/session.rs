@@ -2,12 +2,12 @@
 
 use anyhow::bail;
 use equipoise_core::cycle::{Inputs, Motion, Tick, step};
-use equipoise_recording::replay::free;
 use equipoise_recording::replay::samples::SkippedData;
+use equipoise_recording::replay::synthetic_ticks;
 
 use crate::compare::{Comparison, Options, Worker, prior_covariance_m2};
 use crate::session::Session;
-use crate::spans::Found;
+use crate::spans::ResolvedSpans;
 
 use super::identify::Identified;
 use super::survey::Survey;
@@ -19,7 +19,7 @@ pub(super) fn compare(
     reconcile: &Reconcile<'_>,
     survey: &Survey,
     identified: &Identified,
-    found: &Found,
+    spans: &ResolvedSpans,
     progress: &mut dyn FnMut(Progress),
 ) -> anyhow::Result<(Session, SkippedData)> {
     let settings = reconcile.settings();
@@ -27,7 +27,7 @@ pub(super) fn compare(
         bail!("the worker's mass is unavailable: no static pose on the plate; set subject.mass_kg");
     };
     let has_inertia = settings.motion != Motion::Paper;
-    let mut options = Options::new(survey.begin_ns(), found.spans_s, has_inertia);
+    let mut options = Options::new(survey.begin_ns(), spans.spans_s, has_inertia);
     // A configuration for slowly sampled data requests a longer window.
     options.half_window_s = options.half_window_s.max(settings.half_window_ns() as f64 * 1e-9);
     let mut comparison = Comparison::new(worker, options);
@@ -37,20 +37,25 @@ pub(super) fn compare(
     let length_s = survey.samples_s()[1];
     let (mut pushed_ns, mut held_ns) = (0, 0);
     let of_subject = samples.by_ref().filter(|sample| survey.covers(sample.time_ns()));
-    free::run(of_subject, TICK_NS, &survey.recorded.tares_ns, |tick: Tick, inputs: Inputs<'_>| {
-        let fraction = survey.seconds(tick.due_ns) / length_s.max(1e-9);
-        progress(Progress { doing: "comparing model and plate", fraction });
-        let state = *step(&settings, &mut memory, tick, inputs);
-        if state.suit_sample_time_ns != held_ns {
-            held_ns = state.suit_sample_time_ns;
-            comparison.hold(held_ns, state.static_pose == 1);
-        }
-        for moment in memory.history.since(pushed_ns) {
-            pushed_ns = moment.time_ns;
-            comparison.push(moment);
-        }
-        Ok(())
-    })?;
+    synthetic_ticks::run(
+        of_subject,
+        TICK_NS,
+        &survey.recorded.tares_ns,
+        |tick: Tick, inputs: Inputs<'_>| {
+            let fraction = survey.seconds(tick.due_ns) / length_s.max(1e-9);
+            progress(Progress { doing: "comparing model and plate", fraction });
+            let state = *step(&settings, &mut memory, tick, inputs);
+            if state.suit_sample_time_ns != held_ns {
+                held_ns = state.suit_sample_time_ns;
+                comparison.hold(held_ns, state.static_pose == 1);
+            }
+            for moment in memory.history.since(pushed_ns) {
+                pushed_ns = moment.time_ns;
+                comparison.push(moment);
+            }
+            Ok(())
+        },
+    )?;
     let has_shear = comparison.has_shear();
     let (blocks, left_out) = comparison.finish();
     let mut session = Session {
@@ -60,7 +65,7 @@ pub(super) fn compare(
         has_inertia,
         suit_drifts: settings.suit_drifts,
         block_s: options.block_s,
-        spans_s: found.spans_s,
+        spans_s: spans.spans_s,
         length_s,
         blocks,
         left_out,

@@ -20,7 +20,7 @@ pub struct Summary<'a> {
 impl fmt::Display for Summary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (session, identified) = (&self.compared.session, &self.compared.identified);
-        writeln!(f, "{}", self.compared.found.description)?;
+        writeln!(f, "{}", self.compared.spans.description)?;
         let still = session.blocks.iter().filter(|block| block.still).count();
         writeln!(
             f,

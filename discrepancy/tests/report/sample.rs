@@ -32,9 +32,9 @@ impl Sample {
 }
 
 /// Reproducible pseudo-random numbers.
-struct Chance(u64);
+struct PseudoRandom(u64);
 
-impl Chance {
+impl PseudoRandom {
     /// Approximately normal, σ 1.
     fn next(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
@@ -47,7 +47,7 @@ impl Chance {
 }
 
 /// One block of made-up work.
-struct Moment {
+struct WorkBlock {
     time_s: f64,
     still: bool,
     elevation_deg: f64,
@@ -58,8 +58,8 @@ struct Moment {
 
 const SIGMA: [f64; 3] = [2.6, 2.4, 3.1];
 
-fn moments(work_s: f64) -> Vec<Moment> {
-    let mut chance = Chance(7);
+fn blocks(work_s: f64) -> Vec<WorkBlock> {
+    let mut random = PseudoRandom(7);
     let mut sway = [0.0; 3];
     let mut pose = [20.0, 5.0];
     let mut goal = pose;
@@ -67,21 +67,21 @@ fn moments(work_s: f64) -> Vec<Moment> {
         .map(|n| {
             let time_s = 262.0 + n as f64 * BLOCK_S;
             if n % 23 == 0 {
-                goal = [130.0 * chance.uniform(), 55.0 * chance.uniform()];
+                goal = [130.0 * random.uniform(), 55.0 * random.uniform()];
             }
             let far = (goal[0] - pose[0]).abs() + (goal[1] - pose[1]).abs();
             for (pose, goal) in pose.iter_mut().zip(goal) {
                 *pose += 0.35 * (goal - *pose);
             }
             let noise = std::array::from_fn(|axis| {
-                sway[axis] = 0.8 * sway[axis] + 0.6 * SIGMA[axis] * chance.next();
+                sway[axis] = 0.8 * sway[axis] + 0.6 * SIGMA[axis] * random.next();
                 sway[axis]
             });
             let carried = n as f64 * BLOCK_S / work_s > 0.3;
             let reach = (pose[0].to_radians().sin() * 0.62 + pose[1].to_radians().sin() * 0.45) * 1000.0;
             let effect =
                 if carried { [reach * 1.5 / 75.0 + 2.0, -3.6 - 0.02 * pose[0], 14.8] } else { [0.0; 3] };
-            Moment {
+            WorkBlock {
                 time_s,
                 still: far < 4.0,
                 elevation_deg: pose[0],
@@ -107,27 +107,31 @@ fn autocorrelation(values: &[f64]) -> Vec<f64> {
 
 /// A load in the right hand from a third of the work on; the change removes `fraction` of it.
 fn picture(work_s: f64, fraction: f64) -> Picture {
-    let moments = moments(work_s);
-    let before = |m: &Moment, axis: usize| m.effect[axis] + m.noise[axis];
-    let after = |m: &Moment, axis: usize| (1.0 - fraction) * m.effect[axis] + m.noise[axis];
+    let blocks = blocks(work_s);
+    let before = |block: &WorkBlock, axis: usize| block.effect[axis] + block.noise[axis];
+    let after = |block: &WorkBlock, axis: usize| (1.0 - fraction) * block.effect[axis] + block.noise[axis];
     let each = |axis: usize| Signal::ALL[axis];
     let time = (0..3).map(|axis| {
-        let point = |m: &Moment| TimePoint {
-            time_s: m.time_s,
-            still: m.still,
-            before: before(m, axis),
-            after: after(m, axis),
-            noise_sigma: SIGMA[axis] * if m.still { 0.9 } else { 1.3 },
+        let point = |block: &WorkBlock| TimePoint {
+            time_s: block.time_s,
+            still: block.still,
+            before: before(block, axis),
+            after: after(block, axis),
+            noise_sigma: SIGMA[axis] * if block.still { 0.9 } else { 1.3 },
         };
-        TimePlot { signal: each(axis), points: moments.iter().map(point).collect() }
+        TimePlot { signal: each(axis), points: blocks.iter().map(point).collect() }
     });
     let pose = [(0, "right arm elevation"), (0, "trunk inclination"), (1, "right arm elevation")];
     let pose = pose.into_iter().map(|(axis, feature)| {
-        let value =
-            |m: &Moment| if feature.starts_with("trunk") { m.inclination_deg } else { m.elevation_deg };
-        let point =
-            |m: &Moment| PosePoint { feature: value(m), before: before(m, axis), after: after(m, axis) };
-        let points = moments.iter().map(point).collect();
+        let value = |block: &WorkBlock| {
+            if feature.starts_with("trunk") { block.inclination_deg } else { block.elevation_deg }
+        };
+        let point = |block: &WorkBlock| PosePoint {
+            feature: value(block),
+            before: before(block, axis),
+            after: after(block, axis),
+        };
+        let points = blocks.iter().map(point).collect();
         PosePlot {
             signal: each(axis),
             feature: feature.to_owned(),
@@ -136,8 +140,8 @@ fn picture(work_s: f64, fraction: f64) -> Picture {
             noise_sigma: SIGMA[axis],
         }
     });
-    let point = |m: &Moment| PredictorPoint { predicted: m.effect[0], residual: before(m, 0) };
-    let carried = moments.iter().filter(|m| m.effect[0] != 0.0);
+    let point = |block: &WorkBlock| PredictorPoint { predicted: block.effect[0], residual: before(block, 0) };
+    let carried = blocks.iter().filter(|block| block.effect[0] != 0.0);
     let predictors = if fraction > 0.0 {
         vec![PredictorPlot {
             effect: "hand_load right".to_owned(),
@@ -150,15 +154,15 @@ fn picture(work_s: f64, fraction: f64) -> Picture {
     };
     let whiteness = (0..3).map(|axis| {
         let white = |colour: f64| -> Vec<f64> {
-            let mut chance = Chance(axis as u64 + 3);
-            let value = |m: &Moment| chance.next() + colour * m.effect[axis] / SIGMA[axis];
-            moments.iter().map(value).collect()
+            let mut random = PseudoRandom(axis as u64 + 3);
+            let value = |block: &WorkBlock| random.next() + colour * block.effect[axis] / SIGMA[axis];
+            blocks.iter().map(value).collect()
         };
         Whiteness {
             signal: each(axis),
             before: autocorrelation(&white(1.0)),
             after: autocorrelation(&white(1.0 - fraction)),
-            bound: 1.96 / (moments.len() as f64).sqrt(),
+            bound: 1.96 / (blocks.len() as f64).sqrt(),
         }
     });
     Picture {
@@ -175,7 +179,7 @@ fn picture(work_s: f64, fraction: f64) -> Picture {
         pose: pose.collect(),
         predictors,
         whiteness: whiteness.collect(),
-        surprise: surprise(&moments, fraction),
+        surprise: surprise(&blocks, fraction),
         windows: vec![
             Window {
                 from_s: 301.0,
@@ -207,8 +211,8 @@ fn picture(work_s: f64, fraction: f64) -> Picture {
                     phase(Phase::Reference, floor * 1.04, floor * 1.04),
                     phase(
                         Phase::Work,
-                        rms(moments.iter().map(|m| before(m, axis))),
-                        rms(moments.iter().map(|m| after(m, axis))),
+                        rms(blocks.iter().map(|block| before(block, axis))),
+                        rms(blocks.iter().map(|block| after(block, axis))),
                     ),
                 ]
             })
@@ -217,9 +221,10 @@ fn picture(work_s: f64, fraction: f64) -> Picture {
     }
 }
 
-fn surprise(moments: &[Moment], fraction: f64) -> Vec<SurpriseBin> {
+fn surprise(blocks: &[WorkBlock], fraction: f64) -> Vec<SurpriseBin> {
     let squares = |fraction: f64| -> Vec<f64> {
-        let values = moments.iter().map(|m| ((1.0 - fraction) * m.effect[0] + m.noise[0]) / SIGMA[0]);
+        let values =
+            blocks.iter().map(|block| ((1.0 - fraction) * block.effect[0] + block.noise[0]) / SIGMA[0]);
         values.map(|value| value * value).collect()
     };
     let (before, after) = (squares(0.0), squares(fraction));

@@ -27,11 +27,11 @@ pub struct Column {
     pub unit: Option<&'static str>,
     /// Type of the values.
     pub kind: Kind,
-    place: Place,
+    source: ColumnSource,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Place {
+enum ColumnSource {
     /// Seconds since the start of the recording.
     Time,
     /// Index into the message's texts.
@@ -59,12 +59,13 @@ pub struct Row(pub Vec<Option<Value>>);
 
 /// Columns of a message: `t_s`, its texts, then every field except reserved ones.
 pub fn columns<M: Exported>() -> Vec<Column> {
-    let time = Column { name: "t_s".to_owned(), unit: Some("s"), kind: Kind::F64, place: Place::Time };
+    let time =
+        Column { name: "t_s".to_owned(), unit: Some("s"), kind: Kind::F64, source: ColumnSource::Time };
     let texts = M::TEXTS.iter().enumerate().map(|(index, name)| Column {
         name: (*name).to_owned(),
         unit: None,
         kind: Kind::Text,
-        place: Place::Text(index),
+        source: ColumnSource::Text(index),
     });
     let fields = M::FIELDS.iter().filter(|field| !field.name.starts_with("reserved"));
     let numbers = fields.flat_map(|field| {
@@ -76,7 +77,7 @@ pub fn columns<M: Exported>() -> Vec<Column> {
                 Primitive::U64 => Kind::U64,
                 Primitive::U32 | Primitive::U8 => Kind::U32,
             },
-            place: Place::Number { field: *field, index },
+            source: ColumnSource::Number { field: *field, index },
         })
     });
     [time].into_iter().chain(texts).chain(numbers).collect()
@@ -86,17 +87,17 @@ impl Row {
     /// Converts a message to a row; its time counts from `started_ns`.
     pub fn of<M: Exported>(message: &M, columns: &[Column], started_ns: u64) -> Row {
         let (bytes, texts) = (bytemuck::bytes_of(message), message.texts());
-        let value = |column: &Column| match column.place {
-            Place::Time => {
+        let value = |column: &Column| match column.source {
+            ColumnSource::Time => {
                 let since_ns = i128::from(message.row_time_ns()) - i128::from(started_ns);
                 // Dividing by 1e9 rounds correctly, multiplying by 1e-9 does not: 34 ms yields 0.034.
                 Some(Value::F64(since_ns as f64 / 1e9))
             }
-            Place::Text(index) => texts.get(index).cloned().map(Value::Text),
-            Place::Number { field, index } if message.is_available(field.name, index) => {
+            ColumnSource::Text(index) => texts.get(index).cloned().map(Value::Text),
+            ColumnSource::Number { field, index } if message.is_available(field.name, index) => {
                 number(bytes, field, index)
             }
-            Place::Number { .. } => None,
+            ColumnSource::Number { .. } => None,
         };
         Row(columns.iter().map(value).collect())
     }

@@ -309,35 +309,35 @@ fn recipe_number(answer: &[u8], recipe: &[Register], names: &[String]) -> Result
 
 /// Establishes connections, with back-off after failures.
 #[derive(Debug)]
-pub(super) struct Dialling {
+pub(super) struct Connector {
     robot: SocketAddr,
     recipe: Vec<Register>,
-    coming: Option<Receiver<Result<Started, LinkError>>>,
+    pending: Option<Receiver<Result<Started, LinkError>>>,
     due: Instant,
     pause: Duration,
     logged: String,
 }
 
-impl Dialling {
-    pub(super) fn new(robot: SocketAddr, recipe: Vec<Register>) -> Dialling {
+impl Connector {
+    pub(super) fn new(robot: SocketAddr, recipe: Vec<Register>) -> Connector {
         let due = Instant::now();
-        Dialling { robot, recipe, coming: None, due, pause: TRY_AGAIN_AFTER, logged: String::new() }
+        Connector { robot, recipe, pending: None, due, pause: TRY_AGAIN_AFTER, logged: String::new() }
     }
 
     /// Returns a connection if one is ready; never blocks.
     pub(super) fn poll(&mut self) -> Option<Started> {
-        let Some(coming) = &self.coming else {
+        let Some(pending) = &self.pending else {
             if Instant::now() >= self.due {
                 self.dial();
             }
             return None;
         };
-        let outcome = match coming.try_recv() {
+        let outcome = match pending.try_recv() {
             Ok(outcome) => outcome,
             Err(TryRecvError::Empty) => return None,
             Err(TryRecvError::Disconnected) => Err(LinkError::Start),
         };
-        self.coming = None;
+        self.pending = None;
         match outcome {
             Ok(started) => {
                 self.logged.clear();
@@ -374,7 +374,7 @@ impl Dialling {
             let _ = sender.send(start(robot, &recipe));
         });
         match begun {
-            Ok(_) => self.coming = Some(receiver),
+            Ok(_) => self.pending = Some(receiver),
             Err(error) => self.lost(&error.to_string()),
         }
     }

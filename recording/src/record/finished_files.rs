@@ -1,4 +1,5 @@
-//! Files finished by this process, dated again after a step of the clock: their age is that by the monotonic clock.
+//! Corrects modification times of closed recordings after a step of the system clock, so that retention by age stays
+//! right.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -6,19 +7,19 @@ use std::time::{Duration, Instant, SystemTime};
 use equipoise_files::open_regular;
 use tracing::{info, warn};
 
-/// Smallest step of the clock after which files are dated again; much less than any age limit.
+/// Minimum step of the clock that is corrected; much less than any age limit.
 const CLOCK_STEP: Duration = Duration::from_secs(60);
 
-/// The files, each with the time of its end.
+/// The closed recordings, each with the time of closing.
 pub(super) struct FinishedFiles {
     files: Vec<(PathBuf, Instant)>,
     started: Instant,
-    /// Time of the start by the clock as it is set now.
+    /// Start by the system clock as currently set.
     started_at: SystemTime,
 }
 
 impl FinishedFiles {
-    /// None yet; `now` is the time by the clock.
+    /// Without files; `now` is the system time.
     pub(super) fn new(now: SystemTime) -> FinishedFiles {
         FinishedFiles { files: Vec::new(), started: Instant::now(), started_at: now }
     }
@@ -27,8 +28,8 @@ impl FinishedFiles {
         self.files.push((path.to_owned(), Instant::now()));
     }
 
-    /// Dates the files again if the clock was set since the last call.
-    pub(super) fn follow_clock(&mut self, now: SystemTime) {
+    /// Corrects the dates if the system clock was set since the last call.
+    pub(super) fn correct_dates_after_clock_step(&mut self, now: SystemTime) {
         let Some(started_at) = now.checked_sub(self.started.elapsed()) else { return };
         let ahead = started_at.duration_since(self.started_at).unwrap_or_else(|behind| behind.duration());
         if ahead < CLOCK_STEP {
@@ -39,8 +40,13 @@ impl FinishedFiles {
         for (path, finished) in &self.files {
             let Some(date) = now.checked_sub(finished.elapsed()) else { continue };
             match open_regular(path).and_then(|file| file.set_modified(date)) {
-                Ok(()) => info!("the clock was set: {} is dated again", path.display()),
-                Err(error) => warn!("{} keeps the date of a wrong clock: {error}", path.display()),
+                Ok(()) => {
+                    info!("the system clock was set: corrected the modification time of {}", path.display())
+                }
+                Err(error) => warn!(
+                    "cannot correct the modification time of {} after a clock step: {error}",
+                    path.display()
+                ),
             }
         }
     }
@@ -61,13 +67,13 @@ mod tests {
         let mut finished = FinishedFiles::new(then);
         finished.push(&path);
         finished.push(&folder.path().join("removed.mcap"));
-        finished.follow_clock(then + Duration::from_secs(1));
+        finished.correct_dates_after_clock_step(then + Duration::from_secs(1));
         assert_eq!(date(), then, "no step, no change");
         let now = SystemTime::now();
-        finished.follow_clock(now);
+        finished.correct_dates_after_clock_step(now);
         assert!(now.duration_since(date()).is_ok_and(|age| age < Duration::from_secs(3600)), "{:?}", date());
         assert_eq!(finished.files.len(), 1);
-        finished.follow_clock(then + Duration::from_secs(1));
+        finished.correct_dates_after_clock_step(then + Duration::from_secs(1));
         assert!(date() < then + Duration::from_secs(3600), "set back: {:?}", date());
     }
 }

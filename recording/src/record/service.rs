@@ -222,7 +222,7 @@ impl<'a> Retention<'a> {
 
     fn clear(&self) -> anyhow::Result<()> {
         let (mut limits, now) = (limits_of(self.config), SystemTime::now());
-        self.finished.borrow_mut().follow_clock(now);
+        self.finished.borrow_mut().correct_dates_after_clock_step(now);
         limits.age = limits.age.filter(|age| !self.is_clock_suspect(now, *age));
         let cleared = self.store.clear(&limits, now).context("clearing old recordings away")?;
         for (path, reason) in &cleared.removed {

@@ -14,11 +14,11 @@ use equipoise_core::body::JOINTS;
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
 use equipoise_core::static_pose::largest_joint_angle;
 
-use super::free;
 use super::input::Input;
 use super::samples::Sample;
 use super::score::{SampleSelection, Scored};
 use super::survey::Survey;
+use super::synthetic_ticks;
 use verdict::ErrorSamples;
 pub use verdict::{Block, CrossValidation};
 
@@ -154,7 +154,7 @@ impl<'a> Pass<'a> {
             _ => true,
         });
         let (period_ns, tares_ns) = (self.config.period_ns(), &self.survey.tares_ns);
-        free::run(samples, period_ns, tares_ns, |tick: Tick, inputs: Inputs<'_>| {
+        synthetic_ticks::run(samples, period_ns, tares_ns, |tick: Tick, inputs: Inputs<'_>| {
             let before_ns = memory.state.suit_sample_time_ns;
             let accepted = self.poses_max.is_none_or(|most| diverse.accepts(&memory, most));
             memory.identification.identifying = u64::from(accepted && !matches!(training, Training::Never));

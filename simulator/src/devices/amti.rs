@@ -4,7 +4,7 @@ use std::io;
 
 use super::felt::{Felt, Mounting};
 use super::line::Line;
-use super::{Asked, Connected, Protocol};
+use super::{Connected, HostRequests, Protocol};
 use crate::wires::amti::{Dialogue, Gauges, frame};
 
 /// The box with its plates.
@@ -24,11 +24,16 @@ impl Amti {
 }
 
 impl Protocol for Amti {
-    fn receive(&mut self, line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+    fn receive(
+        &mut self,
+        line: &mut Line,
+        received: &mut Vec<u8>,
+        _device_now_s: f64,
+    ) -> io::Result<HostRequests> {
         let Amti { dialogue, .. } = self;
         let zeroed = dialogue.zeroed;
         line.converse(received, |byte| (dialogue.receive(byte).map(|answer| [answer]), dialogue.baud))?;
-        Ok(Asked { zero: dialogue.zeroed != zeroed })
+        Ok(HostRequests { zero: dialogue.zeroed != zeroed })
     }
 
     fn power(&mut self, line: &mut Line, _on: bool) -> io::Result<()> {

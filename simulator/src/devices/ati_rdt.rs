@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use super::felt::{Felt, Mounting};
 use super::http::HttpPort;
 use super::port::Port as _;
-use super::{Asked, Device, FaultCounts};
+use super::{Device, FaultCounts, HostRequests};
 use crate::faults::Faults;
 use crate::plate_server::{PlateServer, Request};
 use crate::wires::ati_rdt::{Family, Page};
@@ -67,7 +67,7 @@ impl AtiRdt {
 }
 
 impl Device for AtiRdt {
-    fn poll(&mut self, _device_now_s: f64) -> io::Result<Asked> {
+    fn poll(&mut self, _device_now_s: f64) -> io::Result<HostRequests> {
         if let Some(request) = self.page.request()? {
             let text = self.page_text();
             match request.path.as_str() {
@@ -76,7 +76,7 @@ impl Device for AtiRdt {
             }
         }
         let request = self.server.poll();
-        Ok(Asked { zero: request == Some(Request::SetBias) })
+        Ok(HostRequests { zero: request == Some(Request::SetBias) })
     }
 
     fn rate_hz(&self) -> f64 {

@@ -4,7 +4,7 @@ use std::io;
 
 use super::felt::{Felt, Mounting};
 use super::line::Line;
-use super::{Asked, Connected, Protocol};
+use super::{Connected, HostRequests, Protocol};
 use crate::wires::bota::{Dialogue, Frame};
 
 /// The sensor.
@@ -26,9 +26,14 @@ impl Bota {
 }
 
 impl Protocol for Bota {
-    fn receive(&mut self, line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+    fn receive(
+        &mut self,
+        line: &mut Line,
+        received: &mut Vec<u8>,
+        _device_now_s: f64,
+    ) -> io::Result<HostRequests> {
         line.converse(received, |byte| (self.dialogue.receive(byte), self.dialogue.baud))?;
-        Ok(Asked::default())
+        Ok(HostRequests::default())
     }
 
     fn greet(&mut self, line: &mut Line) -> io::Result<()> {

@@ -21,12 +21,12 @@ pub struct Felt {
     /// Wrench on each plate's sensor, in its axes, about its origin.
     pub plates: Vec<Wrench>,
     /// Load of the left and right sole.
-    pub soles: [Sole; 2],
+    pub soles: [SoleLoad; 2],
 }
 
 /// Load of one sole.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Sole {
+pub struct SoleLoad {
     /// Force along the sole's normal, N.
     pub normal_n: f64,
     /// Point of action from the middle of the sole: X to the tip, Y to the left, m.
@@ -85,7 +85,7 @@ pub struct OnFeet {
     /// On the person, about the origin of the floor: left, right.
     pub wrench: [Wrench; 2],
     /// On the soles: left, right.
-    pub soles: [Sole; 2],
+    pub soles: [SoleLoad; 2],
 }
 
 impl OnFeet {
@@ -93,7 +93,7 @@ impl OnFeet {
     pub fn of(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> OnFeet {
         let wrench = ground_reaction_per_foot(worker, time_s, press_m);
         let body = worker.sample(time_s);
-        let soles = core::array::from_fn(|k| sole(worker.person(), &body, Side::BOTH[k], &wrench[k]));
+        let soles = core::array::from_fn(|k| sole_load(worker.person(), &body, Side::BOTH[k], &wrench[k]));
         OnFeet { wrench, soles }
     }
 
@@ -115,8 +115,8 @@ impl OnFeet {
 }
 
 /// Load of a sole by a wrench on its foot: force along the sole's normal, and its point of action.
-fn sole(person: &Person, body: &BodyState, side: Side, on_foot: &Wrench) -> Sole {
-    let (index, extent) = (side.foot().index(), person.sole_m);
+fn sole_load(person: &Person, body: &BodyState, side: Side, on_foot: &Wrench) -> SoleLoad {
+    let (index, extent) = (side.foot().index(), person.foot_outline_m);
     let world_from_foot = body.world_from_segment[index];
     let middle = Vector3::new(0.5 * (extent.forward - extent.back), 0.0, -person.ankle_height_m);
     let middle = body.origin_m[index] + world_from_foot * middle;
@@ -124,10 +124,10 @@ fn sole(person: &Person, body: &BodyState, side: Side, on_foot: &Wrench) -> Sole
     let moment_nm = world_from_foot.inverse() * (on_foot.moment_nm - middle.cross(&on_foot.force_n));
     let size_m = [extent.back + extent.forward, 2.0 * extent.half_width];
     if force_n.z < 1.0 {
-        return Sole { size_m, ..Sole::default() };
+        return SoleLoad { size_m, ..SoleLoad::default() };
     }
     let cop_m = Vector2::new(-moment_nm.y, moment_nm.x) / force_n.z;
-    Sole { normal_n: force_n.z, cop_m, size_m }
+    SoleLoad { normal_n: force_n.z, cop_m, size_m }
 }
 
 #[cfg(test)]
@@ -187,7 +187,7 @@ mod tests {
         let (worker, feet) = standing();
         for (k, sole) in feet.soles.iter().enumerate() {
             let stance = worker.stance();
-            let extent = worker.person().sole_m;
+            let extent = worker.person().foot_outline_m;
             let middle = stance.ankle_m[k]
                 + stance.world_from_foot[k] * Vector3::new(0.5 * (extent.forward - extent.back), 0.0, 0.0);
             let in_world = middle + stance.world_from_foot[k] * sole.cop_m.push(0.0);

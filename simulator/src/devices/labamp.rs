@@ -10,8 +10,8 @@ use super::http::HttpPort;
 use super::line::Line;
 use super::port::Port as _;
 use super::tcp::TcpPort;
-use super::{Asked, Connected, Protocol};
-use crate::wires::labamp::{self, Asked as Rest, EightChannels, Signal};
+use super::{Connected, HostRequests, Protocol};
+use crate::wires::labamp::{self, Action, EightChannels, Signal};
 
 /// Unit of its eight channels, force.
 const UNIT: &str = "N";
@@ -69,23 +69,23 @@ impl LabAmp {
         EightChannels::NAMES.map(|name| Signal { name: name.into(), unit: UNIT.into() }).into()
     }
 
-    fn execute(&mut self, stream: &mut Line, asked: Rest) -> io::Result<Option<String>> {
-        match asked {
-            Rest::Open(scans) => {
+    fn execute(&mut self, stream: &mut Line, action: Action) -> io::Result<Option<String>> {
+        match action {
+            Action::Open(scans) => {
                 self.scans_of_a_frame = scans.unwrap_or(labamp::fewest_scans(self.rate_hz)) as usize;
                 self.opened += 1;
                 self.sequence = 0;
                 self.scans.clear();
                 return Ok(Some(labamp::opened(self.stream_port, self.opened)));
             }
-            Rest::Rate(rate_hz) => {
+            Action::Rate(rate_hz) => {
                 self.rate_hz = f64::from(rate_hz.max(1));
                 self.scans_of_a_frame = labamp::fewest_scans(self.rate_hz) as usize;
             }
-            Rest::Start => self.measuring = true,
-            Rest::Stop => self.end(stream, labamp::Event::Stopped)?,
-            Rest::Close => self.end(stream, labamp::Event::Closed)?,
-            Rest::Nothing => {}
+            Action::Start => self.measuring = true,
+            Action::Stop => self.end(stream, labamp::Event::Stopped)?,
+            Action::Close => self.end(stream, labamp::Event::Closed)?,
+            Action::Nothing => {}
         }
         Ok(None)
     }
@@ -121,11 +121,11 @@ impl Protocol for LabAmp {
         stream: &mut Line,
         received: &mut Vec<u8>,
         _device_now_s: f64,
-    ) -> io::Result<Asked> {
+    ) -> io::Result<HostRequests> {
         if let Some(request) = self.http.request()? {
             match labamp::answer(&request.path, &request.body, &LabAmp::signals(), self.rate_hz) {
-                Some((answer, asked)) => {
-                    let answer = self.execute(stream, asked)?.unwrap_or(answer);
+                Some((answer, action)) => {
+                    let answer = self.execute(stream, action)?.unwrap_or(answer);
                     self.http.answer("200 OK", "application/json", &answer)?;
                 }
                 None => self.http.answer("404 Not Found", "text/plain", "Error occured")?,
@@ -133,7 +133,7 @@ impl Protocol for LabAmp {
         }
         // The stream has no requests.
         received.clear();
-        Ok(Asked::default())
+        Ok(HostRequests::default())
     }
 
     fn rate_hz(&self) -> f64 {

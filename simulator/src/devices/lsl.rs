@@ -6,7 +6,7 @@ use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use super::felt::{Felt, Mounting};
 use super::line::Line;
 use super::tcp::TcpPort;
-use super::{Asked, Connected, Protocol};
+use super::{Connected, HostRequests, Protocol};
 use crate::wires::lsl::{
     self, DISCOVERY_PORT, Info, Question, Request, SERVICE_PORTS, feed_header, question, short_info,
     take_request, time_data,
@@ -118,7 +118,12 @@ impl Protocol for Lsl {
         Ok(())
     }
 
-    fn receive(&mut self, feed: &mut Line, received: &mut Vec<u8>, device_now_s: f64) -> io::Result<Asked> {
+    fn receive(
+        &mut self,
+        feed: &mut Line,
+        received: &mut Vec<u8>,
+        device_now_s: f64,
+    ) -> io::Result<HostRequests> {
         self.answer_questions(device_now_s)?;
         while let Some(request) = take_request(received) {
             match request {
@@ -137,7 +142,7 @@ impl Protocol for Lsl {
             // All responses except the feed are sent once, and the connection is closed.
             feed.port().hang_up();
         }
-        Ok(Asked::default())
+        Ok(HostRequests::default())
     }
 
     fn rate_hz(&self) -> f64 {

@@ -3,7 +3,7 @@
 use std::io;
 
 use super::felt::Felt;
-use super::{Asked, Device, FaultCounts};
+use super::{Device, FaultCounts, HostRequests};
 use crate::faults::Faults;
 
 /// Two devices that measure together.
@@ -31,10 +31,10 @@ fn of_foot(config: &str, foot: &str) -> String {
 }
 
 impl Device for Pair {
-    fn poll(&mut self, device_now_s: f64) -> io::Result<Asked> {
+    fn poll(&mut self, device_now_s: f64) -> io::Result<HostRequests> {
         let [left, right] = &mut self.devices;
         let zero = left.poll(device_now_s)?.zero | right.poll(device_now_s)?.zero;
-        Ok(Asked { zero })
+        Ok(HostRequests { zero })
     }
 
     fn rate_hz(&self) -> f64 {

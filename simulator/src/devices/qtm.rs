@@ -4,7 +4,7 @@ use std::io;
 
 use super::felt::{Felt, Mounting};
 use super::line::Line;
-use super::{Asked, Connected, Protocol};
+use super::{Connected, HostRequests, Protocol};
 use crate::dynamics::Wrench;
 use crate::wires::qtm::{
     Command, Kind, Plate, WELCOME, command, data, force_component, force_single_component, packet,
@@ -90,13 +90,18 @@ impl Protocol for Qtm {
         if on { Ok(()) } else { line.answer(&packet(Kind::Event, &[SHUTTING_DOWN])) }
     }
 
-    fn receive(&mut self, line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+    fn receive(
+        &mut self,
+        line: &mut Line,
+        received: &mut Vec<u8>,
+        _device_now_s: f64,
+    ) -> io::Result<HostRequests> {
         while let Some((kind, text)) = take_packet(received) {
             if kind == Kind::Command as u32 {
                 self.execute(line, &text)?;
             }
         }
-        Ok(Asked::default())
+        Ok(HostRequests::default())
     }
 
     fn rate_hz(&self) -> f64 {

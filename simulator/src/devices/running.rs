@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::felt::{Felt, Ground, OnFeet};
 use super::line::FaultCounts;
-use super::{Asked, Device};
+use super::{Device, HostRequests};
 use crate::clock::{DeviceClock, monotonic_ns, sleep_until_ns, span_ns};
 use crate::dynamics::Wrench;
 use crate::faults::Faults;
@@ -178,7 +178,7 @@ impl Runner {
             }
         }
         let now_s = self.now_s();
-        let Asked { zero } = device.poll(now_s * (1.0 + self.pace.drift_ppm * 1e-6))?;
+        let HostRequests { zero } = device.poll(now_s * (1.0 + self.pace.drift_ppm * 1e-6))?;
         if zero {
             self.zero = (self.load)(now_s).on(&self.ground);
         }

@@ -8,18 +8,18 @@ use std::time::{Duration, Instant};
 use super::port::Port;
 
 /// A host with more pending bytes than this has stopped reading and is disconnected.
-const WAITING_MAX: usize = 1 << 20;
+const PENDING_MAX: usize = 1 << 20;
 /// Interval between connection attempts of a client.
-const AGAIN: Duration = Duration::from_millis(100);
+const RETRY_INTERVAL: Duration = Duration::from_millis(100);
 /// Timeout of one attempt: a present host answers at once.
-const KNOCK: Duration = Duration::from_millis(100);
+const CONNECT_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// The present host, if there is one.
 #[derive(Debug, Default)]
 struct Host {
     stream: Option<TcpStream>,
     /// Bytes that it has not accepted yet.
-    waiting: Vec<u8>,
+    pending: Vec<u8>,
     /// Number of hosts so far.
     session: u64,
 }
@@ -28,22 +28,22 @@ impl Host {
     fn connect(&mut self, stream: TcpStream) -> io::Result<()> {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
-        *self = Host { stream: Some(stream), waiting: Vec::new(), session: self.session + 1 };
+        *self = Host { stream: Some(stream), pending: Vec::new(), session: self.session + 1 };
         Ok(())
     }
 
     fn hang_up(&mut self) {
         self.stream = None;
-        self.waiting.clear();
+        self.pending.clear();
     }
 
     /// Sends pending bytes; drops a host that has disconnected or stopped reading.
     fn flush(&mut self) {
         let Some(stream) = &mut self.stream else { return };
-        while !self.waiting.is_empty() {
-            match stream.write(&self.waiting) {
-                Ok(count) if count > 0 => drop(self.waiting.drain(..count)),
-                Err(error) if error.kind() == ErrorKind::WouldBlock && self.waiting.len() < WAITING_MAX => {
+        while !self.pending.is_empty() {
+            match stream.write(&self.pending) {
+                Ok(count) if count > 0 => drop(self.pending.drain(..count)),
+                Err(error) if error.kind() == ErrorKind::WouldBlock && self.pending.len() < PENDING_MAX => {
                     return;
                 }
                 Ok(_) | Err(_) => return self.hang_up(),
@@ -65,7 +65,7 @@ impl Host {
 
     fn write(&mut self, bytes: &[u8]) {
         if self.stream.is_some() {
-            self.waiting.extend_from_slice(bytes);
+            self.pending.extend_from_slice(bytes);
             self.flush();
         }
     }
@@ -152,29 +152,30 @@ impl Port for TcpPort {
 pub struct TcpOutPort {
     target: SocketAddr,
     plugged: bool,
-    knocked: Option<Instant>,
+    last_attempt: Option<Instant>,
     host: Host,
 }
 
 impl TcpOutPort {
     /// To an address.
     pub fn to(target: SocketAddr) -> TcpOutPort {
-        TcpOutPort { target, plugged: true, knocked: None, host: Host::default() }
+        TcpOutPort { target, plugged: true, last_attempt: None, host: Host::default() }
     }
 
-    fn knock(&mut self) -> io::Result<()> {
-        let due = self.knocked.is_none_or(|last| last.elapsed() >= AGAIN);
+    fn try_connect(&mut self) -> io::Result<()> {
+        let due = self.last_attempt.is_none_or(|last| last.elapsed() >= RETRY_INTERVAL);
         if self.is_open() || !self.plugged || !due {
             return Ok(());
         }
-        self.knocked = Some(Instant::now());
-        TcpStream::connect_timeout(&self.target, KNOCK).map_or(Ok(()), |host| self.host.connect(host))
+        self.last_attempt = Some(Instant::now());
+        TcpStream::connect_timeout(&self.target, CONNECT_TIMEOUT)
+            .map_or(Ok(()), |host| self.host.connect(host))
     }
 }
 
 impl Port for TcpOutPort {
     fn receive(&mut self) -> io::Result<Vec<u8>> {
-        self.knock()?;
+        self.try_connect()?;
         Ok(self.host.read())
     }
 
@@ -187,7 +188,7 @@ impl Port for TcpOutPort {
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.knock()?;
+        self.try_connect()?;
         self.host.write(bytes);
         Ok(())
     }
@@ -217,14 +218,14 @@ mod tests {
     use std::time::Duration;
 
     /// Polls until there is a result, for a bounded time.
-    fn until<Found>(mut look: impl FnMut() -> Option<Found>) -> Found {
+    fn until<T>(mut poll: impl FnMut() -> Option<T>) -> T {
         for _ in 0..2000 {
-            if let Some(found) = look() {
-                return found;
+            if let Some(result) = poll() {
+                return result;
             }
             std::thread::sleep(Duration::from_millis(1));
         }
-        panic!("nothing came within two seconds")
+        panic!("no result within two seconds")
     }
 
     #[test]

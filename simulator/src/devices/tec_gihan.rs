@@ -5,7 +5,7 @@ use std::io;
 
 use super::felt::{Felt, Mounting};
 use super::line::Line;
-use super::{Asked, Connected, Protocol};
+use super::{Connected, HostRequests, Protocol};
 use crate::wires::tec_gihan::{BAUD, Dialogue, PlateInfo, State, block};
 
 /// Blocks that the controller buffers for a host that is late with its request.
@@ -48,14 +48,19 @@ impl TecGihan {
 }
 
 impl Protocol for TecGihan {
-    fn receive(&mut self, line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+    fn receive(
+        &mut self,
+        line: &mut Line,
+        received: &mut Vec<u8>,
+        _device_now_s: f64,
+    ) -> io::Result<HostRequests> {
         let (zeroed, state) = (self.dialogue.zeroed, self.dialogue.state);
         line.converse(received, |byte| (self.dialogue.receive(byte), BAUD))?;
         if state != self.dialogue.state {
             self.clear();
         }
         self.send_what_is_owed(line)?;
-        Ok(Asked { zero: self.dialogue.zeroed != zeroed })
+        Ok(HostRequests { zero: self.dialogue.zeroed != zeroed })
     }
 
     fn power(&mut self, _line: &mut Line, _on: bool) -> io::Result<()> {

@@ -188,7 +188,7 @@ mod tests {
     fn the_parts_of_a_wrench_sum_to_it_on_any_feet() {
         let mut worker = Worker::with_habits(Person::new(2, 1.77, 72.0), 2, Realism::SEVERE.habits(2));
         worker.lift(9.0, 0.2);
-        worker.go(1.0, crate::walk::Place { middle_m: Vector2::new(0.3, 0.2), heading_rad: 0.7 });
+        worker.go(1.0, crate::walk::StandingPosition { middle_m: Vector2::new(0.3, 0.2), heading_rad: 0.7 });
         let presses_m = [NO_PRESS_M, [Vector2::new(-0.02, 0.01), Vector2::new(0.1, -0.02)]];
         let offs_m = [[0.0, 0.0], [0.05, 0.1], [-0.1, -0.4]].map(Vector2::from);
         for step in 0..80 {

@@ -54,18 +54,18 @@ fn points(person: &Person) -> Vec<Point> {
     for (side, foot, toe) in
         [("Right", Segment::RightFoot, Segment::RightToe), ("Left", Segment::LeftFoot, Segment::LeftToe)]
     {
-        let (sole, down) = (person.sole_m, -person.ankle_height_m);
+        let (outline, down) = (person.foot_outline_m, -person.ankle_height_m);
         let outward = if side == "Left" { 1.0 } else { -1.0 };
         let ball = person.offset_m[toe.index()];
         let of_foot = [
-            ("HeelFoot", [-sole.back, 0.0, down]),
-            ("FirstMetatarsal", [ball.x, -outward * sole.half_width, down]),
-            ("FifthMetatarsal", [ball.x - 0.02, outward * sole.half_width, down]),
+            ("HeelFoot", [-outline.back, 0.0, down]),
+            ("FirstMetatarsal", [ball.x, -outward * outline.half_width, down]),
+            ("FifthMetatarsal", [ball.x - 0.02, outward * outline.half_width, down]),
             ("PivotFoot", [ball.x, 0.0, down]),
-            ("HeelCenter", [-sole.back, 0.0, 0.5 * down]),
+            ("HeelCenter", [-outline.back, 0.0, 0.5 * down]),
             ("TopOfFoot", [0.5 * ball.x, 0.0, 0.5 * down]),
         ];
-        let of_toe = [("Toe", [sole.forward - ball.x, 0.0, down - ball.z])];
+        let of_toe = [("Toe", [outline.forward - ball.x, 0.0, down - ball.z])];
         let mut listed = |segment: Segment, first: u16, places: &[(&str, [f64; 3])]| {
             for (number, (name, offset_m)) in (first..).zip(places) {
                 points.push(Point {

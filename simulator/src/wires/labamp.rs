@@ -75,9 +75,9 @@ pub struct Signal {
     pub unit: String,
 }
 
-/// Content of an HTTP request.
+/// Action that an HTTP request calls for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Asked {
+pub enum Action {
     /// Open a port for this many scans a frame (`None`: the default).
     Open(Option<u32>),
     /// Set the sample rate, Hz.
@@ -94,40 +94,42 @@ pub enum Asked {
 
 /// The answer to a request: body and requested action. An `Open` still needs its port: [`opened`]. `None`: no such
 /// service.
-pub fn answer(path: &str, body: &str, signals: &[Signal], rate_hz: f64) -> Option<(String, Asked)> {
-    let done = |asked| Some((r#"{"result": 0}"#.to_owned(), asked));
+pub fn answer(path: &str, body: &str, signals: &[Signal], rate_hz: f64) -> Option<(String, Action)> {
+    let done = |action| Some((r#"{"result": 0}"#.to_owned(), action));
     match path {
         "/api/daq/stream/register" => {
-            Some((format!(r#"{{"result": 0, "clientId": "{CLIENT}"}}"#), Asked::Nothing))
+            Some((format!(r#"{{"result": 0, "clientId": "{CLIENT}"}}"#), Action::Nothing))
         }
         "/api/daq/stream/open" if body.contains(CLIENT) => {
             let scans = number_after(body, "\"scansPerFrame\"");
             if scans.is_some_and(|scans| scans < fewest_scans(rate_hz)) {
-                return Some((r#"{"result": 1, "error": "scansPerFrame_too_low"}"#.into(), Asked::Nothing));
+                return Some((r#"{"result": 1, "error": "scansPerFrame_too_low"}"#.into(), Action::Nothing));
             }
-            Some((String::new(), Asked::Open(scans)))
+            Some((String::new(), Action::Open(scans)))
         }
         "/api/daq/stream/open" => {
-            Some((r#"{"result": 1, "error": "unknown_client"}"#.into(), Asked::Nothing))
+            Some((r#"{"result": 1, "error": "unknown_client"}"#.into(), Action::Nothing))
         }
-        "/api/daq/stream/close" => done(Asked::Close),
-        "/api/daq/measurement/start" => done(Asked::Start),
-        "/api/daq/measurement/stop" => done(Asked::Stop),
-        "/api/daq/stream/protocol-version" => Some((r#"{"version": 1, "result": 0}"#.into(), Asked::Nothing)),
-        "/api/daq/measurement/metadata/get" => Some((metadata(signals, rate_hz), Asked::Nothing)),
+        "/api/daq/stream/close" => done(Action::Close),
+        "/api/daq/measurement/start" => done(Action::Start),
+        "/api/daq/measurement/stop" => done(Action::Stop),
+        "/api/daq/stream/protocol-version" => {
+            Some((r#"{"version": 1, "result": 0}"#.into(), Action::Nothing))
+        }
+        "/api/daq/measurement/metadata/get" => Some((metadata(signals, rate_hz), Action::Nothing)),
         "/api/param/set" => done(
             body.split_once("/daq/samplingRate")
                 .and_then(|(_, rest)| number_after(rest, "\"value\""))
-                .map_or(Asked::Nothing, Asked::Rate),
+                .map_or(Action::Nothing, Action::Rate),
         ),
         "/api/daq/stream/unregister"
         | "/api/daq/measurement/configuration/set"
         | "/api/daq/measurement/start-trigger/set"
         | "/api/daq/measurement/stop-trigger/set"
         | "/api/daq/measurement/signal-provider/set"
-        | "/api/daq/measurement/enabled/set" => done(Asked::Nothing),
+        | "/api/daq/measurement/enabled/set" => done(Action::Nothing),
         "/api/daq/measurement/enabled/get" => {
-            Some((r#"{"result": 0, "enabled": true}"#.into(), Asked::Nothing))
+            Some((r#"{"result": 0, "enabled": true}"#.into(), Action::Nothing))
         }
         _ => None,
     }
@@ -224,12 +226,12 @@ mod tests {
             );
             ask("/api/daq/stream/open", &body).unwrap()
         };
-        assert_eq!(open("200").1, Asked::Open(Some(200)));
-        let (refused, asked) = open("10");
-        assert!(asked == Asked::Nothing && refused.contains("\"result\": 1"));
-        assert_eq!(ask("/api/daq/measurement/start", r#"{"measurementId": 1}"#).unwrap().1, Asked::Start);
+        assert_eq!(open("200").1, Action::Open(Some(200)));
+        let (refused, action) = open("10");
+        assert!(action == Action::Nothing && refused.contains("\"result\": 1"));
+        assert_eq!(ask("/api/daq/measurement/start", r#"{"measurementId": 1}"#).unwrap().1, Action::Start);
         let rate = r#"{"params": [{"name": "/daq/samplingRate", "value": "62500"}]}"#;
-        assert_eq!(ask("/api/param/set", rate).unwrap().1, Asked::Rate(62_500));
+        assert_eq!(ask("/api/param/set", rate).unwrap().1, Action::Rate(62_500));
         assert_eq!(ask("/api/nothing", ""), None);
         let (reported, _) = ask("/api/daq/measurement/metadata/get", "{}").unwrap();
         let reported: serde_json::Value = serde_json::from_str(&reported).unwrap();

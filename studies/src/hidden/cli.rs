@@ -226,8 +226,8 @@ fn long_recordings(choices: &LongChoices) -> Result<(), String> {
 fn detectable(files: &[PathBuf]) -> Result<(), String> {
     let mut evaluated: Vec<Evaluation> = Vec::new();
     for file in files {
-        let kept: Kept = read_json(file)?;
-        evaluated.extend(kept.sessions);
+        let sessions_file: SessionsFile = read_json(file)?;
+        evaluated.extend(sessions_file.sessions);
     }
     println!("{}", summary::detectable(&evaluated));
     Ok(())
@@ -235,7 +235,7 @@ fn detectable(files: &[PathBuf]) -> Result<(), String> {
 
 /// Content of a file of `--json`.
 #[derive(Debug, Serialize, Deserialize)]
-struct Kept {
+struct SessionsFile {
     sessions: Vec<Evaluation>,
     #[serde(default)]
     tables: serde_json::Value,
@@ -248,8 +248,8 @@ fn show(evaluated: &[Evaluation], json: Option<&Path>) -> Result<(), String> {
     }
     let Some(path) = json else { return Ok(()) };
     let tables = tables.iter().map(Table::json).collect();
-    let kept = Kept { sessions: evaluated.to_vec(), tables };
-    let text = serde_json::to_string_pretty(&kept).map_err(|error| error.to_string())?;
+    let sessions_file = SessionsFile { sessions: evaluated.to_vec(), tables };
+    let text = serde_json::to_string_pretty(&sessions_file).map_err(|error| error.to_string())?;
     std::fs::write(path, text + "\n").map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 

@@ -52,7 +52,7 @@ pub struct Compared {
 
 impl Compared {
     /// Error over σ; infinite without a σ.
-    pub fn off(&self) -> f64 {
+    pub fn error_over_sigma(&self) -> f64 {
         if self.sigma > 0.0 { (self.value - self.truth) / self.sigma } else { f64::INFINITY }
     }
 }
@@ -108,7 +108,7 @@ pub struct Evaluation {
     /// Whether the program needs no experiment.
     #[serde(default)]
     pub decided: bool,
-    /// Experiments that the program asked for and got before this finding.
+    /// Experiments that the program requested and received before this finding.
     #[serde(default)]
     pub experiments: Vec<Performed>,
 }
@@ -153,7 +153,7 @@ pub fn evaluate(
         experiments: Vec::new(),
     };
     match printed {
-        Ok(finding) if is_complete(finding) => evaluated.take(truth, finding, twin_mm),
+        Ok(finding) if is_complete(finding) => evaluated.compare_with(truth, finding, twin_mm),
         Ok(_) => evaluated.failure = Some("the finding lacks its verdict or its gap".to_owned()),
         Err(failure) => evaluated.failure = Some(failure.to_owned()),
     }
@@ -186,7 +186,7 @@ fn reported_label(effect: &Value) -> String {
 }
 
 impl Evaluation {
-    fn take(&mut self, truth: &Truth, finding: &Value, twin_mm: Option<f64>) {
+    fn compare_with(&mut self, truth: &Truth, finding: &Value, twin_mm: Option<f64>) {
         let effects = finding["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
         self.verdict = finding["verdict"].as_str().unwrap_or("failed").to_owned();
         self.decided = finding["decided"].as_bool().unwrap_or(false);
@@ -299,8 +299,8 @@ fn stated(finding: &Value) -> BTreeMap<String, f64> {
         .filter_map(|effect| Some((reported_label(effect), effect["probability"].as_f64()?)));
     let mut stated: BTreeMap<String, f64> = BTreeMap::new();
     for (name, probability) in candidates.chain(effects) {
-        let known = stated.entry(same_columns(&name)).or_insert(0.0);
-        *known = known.max(probability);
+        let largest = stated.entry(same_columns(&name)).or_insert(0.0);
+        *largest = largest.max(probability);
     }
     stated
 }

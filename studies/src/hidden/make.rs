@@ -10,7 +10,7 @@ use super::ladder::{self, RUNGS};
 use super::recording::{self, Noise, Station};
 use super::scenario::{self, Experiment, Lengths};
 use super::truth::Truth;
-use crate::subject::{Subject, ask_all};
+use crate::subject::{Subject, map_in_parallel};
 
 /// An order for sessions.
 #[derive(Debug, Clone)]
@@ -101,7 +101,7 @@ pub fn make(
 ) -> Result<Vec<Truth>, String> {
     let plans = plans(order)?;
     prepare(order)?;
-    let made = ask_all(&plans, |plan| {
+    let made = map_in_parallel(&plans, |plan| {
         let truth = make_one(plan, order, experiments)?;
         done(&truth);
         Ok(truth)

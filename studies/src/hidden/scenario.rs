@@ -6,7 +6,7 @@ use equipoise_simulator::intention::{Arm, Intention};
 use equipoise_simulator::limits;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::random::Random;
-use equipoise_simulator::walk::Place;
+use equipoise_simulator::walk::StandingPosition;
 use nalgebra::{Rotation2, Vector2};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -123,7 +123,7 @@ pub fn play(subject: &Subject, habits: Habits, lengths: &Lengths) -> Script {
 }
 
 /// Two or three other places in most sessions, and their times within the work.
-fn elsewhere(work_s: f64, random: &mut Random) -> Vec<(f64, Place)> {
+fn elsewhere(work_s: f64, random: &mut Random) -> Vec<(f64, StandingPosition)> {
     if random.happens(0.15) {
         return Vec::new();
     }
@@ -137,13 +137,16 @@ fn elsewhere(work_s: f64, random: &mut Random) -> Vec<(f64, Place)> {
             let far = if random.happens(0.2) { 90.0 } else { random.between(28.0, 42.0) };
             let left = (index % 2 == 0) == first_to_the_left;
             let heading_deg = if left { far } else { -far };
-            (when, Place { heading_rad: place.heading_rad + f64::to_radians(heading_deg), ..place })
+            (
+                when,
+                StandingPosition { heading_rad: place.heading_rad + f64::to_radians(heading_deg), ..place },
+            )
         })
         .collect()
 }
 
-fn place(random: &mut Random, heading_deg: f64) -> Place {
-    Place {
+fn place(random: &mut Random, heading_deg: f64) -> StandingPosition {
+    StandingPosition {
         middle_m: Vector2::new(random.between(-0.06, 0.06), random.between(-0.06, 0.06)),
         heading_rad: random.between(-heading_deg, heading_deg).to_radians(),
     }
@@ -178,7 +181,7 @@ impl Player {
             let heading_rad = last.heading_deg.to_radians();
             // Forward and left of the person, not of the plate.
             let step_m = Rotation2::new(heading_rad) * Vector2::from(ask.step_m);
-            self.go(Place {
+            self.go(StandingPosition {
                 middle_m: Vector2::from(last.middle_m) + step_m,
                 heading_rad: heading_rad + ask.turn_deg.to_radians(),
             });
@@ -213,7 +216,7 @@ impl Player {
     }
 
     /// Free work; `steps` are places to walk to, each with its fraction of the time.
-    fn work(&mut self, for_s: f64, steps: &[(f64, Place)], random: &mut Random) {
+    fn work(&mut self, for_s: f64, steps: &[(f64, StandingPosition)], random: &mut Random) {
         let (start_s, end_s) = (self.now_s, self.now_s + for_s);
         let mut steps = steps.iter().peekable();
         while self.now_s < end_s {
@@ -232,7 +235,7 @@ impl Player {
         self.now_s = end_s;
     }
 
-    fn go(&mut self, place: Place) {
+    fn go(&mut self, place: StandingPosition) {
         let relaxed = Intention { pelvis_drop: 0.02, ..Intention::STAND };
         self.worker.intend(&relaxed, self.now_s, RISE_S);
         let from_s = self.worker.go(self.now_s + RISE_S, place);

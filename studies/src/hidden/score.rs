@@ -11,7 +11,7 @@ use super::evaluation::{Evaluation, evaluate};
 use super::make::{self, Order};
 use super::scenario::{Experiment, Performed};
 use super::truth::Truth;
-use crate::subject::ask_all;
+use crate::subject::map_in_parallel;
 
 /// How to run the program.
 #[derive(Debug, Clone)]
@@ -81,7 +81,7 @@ pub fn score(
         .collect();
     sessions.sort();
     asking.check()?;
-    let evaluated = ask_all(&sessions, |session| {
+    let evaluated = map_in_parallel(&sessions, |session| {
         let (evaluated, _) = score_one(&Files::of(folder, session), asking)?;
         done(&evaluated);
         Ok(evaluated)
@@ -101,7 +101,7 @@ pub fn bench(
     let plans = make::plans(order)?;
     asking.check()?;
     make::prepare(order)?;
-    let evaluated = ask_all(&plans, |plan| {
+    let evaluated = map_in_parallel(&plans, |plan| {
         let mut performed: Vec<Performed> = Vec::new();
         loop {
             let files = Files::of(&order.out, &plan.session);

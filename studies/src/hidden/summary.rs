@@ -113,7 +113,7 @@ fn overview(evaluated: &[Evaluation]) -> Table {
         add(what.to_owned(), of.iter().filter(|one| is_met(one)).count(), of.len());
     }
     let exact = evaluated.iter().filter(|one| one.exact).flat_map(|one| &one.parameters);
-    let off: Vec<f64> = exact.map(|one| one.off().abs()).collect();
+    let off: Vec<f64> = exact.map(|one| one.error_over_sigma().abs()).collect();
     let within = off.iter().filter(|off| **off <= 2.0).count();
     add("parameters of exactly named effects within 2 sigma".into(), within, off.len());
     let hidden = |one: &&Evaluation| one.class == Class::Single && one.family;
@@ -264,7 +264,10 @@ fn parameters(evaluated: &[Evaluation]) -> Table {
     let mut errors: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for compared in evaluated.iter().filter(|one| one.exact).flat_map(|one| &one.parameters) {
         let parameter = compared.name.rsplit_once(' ').map_or("", |(_, parameter)| parameter);
-        errors.entry(format!("{} {parameter}", name_of(&compared.name))).or_default().push(compared.off());
+        errors
+            .entry(format!("{} {parameter}", name_of(&compared.name)))
+            .or_default()
+            .push(compared.error_over_sigma());
     }
     for (parameter, errors) in errors {
         let count = errors.len();

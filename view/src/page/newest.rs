@@ -28,22 +28,23 @@ pub(super) enum Newest {
     Ended(Arc<str>),
 }
 
-/// Polls `feed` at the page's rate and updates `newest`, for ever.
-pub(super) async fn follow<F>(mut feed: F, newest: watch::Sender<Newest>)
+/// Polls `feed` at the page's rate and updates `newest`; does not return.
+pub(super) async fn run_frame_feed<F>(mut feed: F, newest: watch::Sender<Newest>)
 where
     F: FnMut() -> Option<PageFrame>,
 {
     let mut ticks = interval(Duration::from_secs(1) / FRAME_RATE_HZ);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    let mut shown = None;
+    let mut last_frame_id = None;
     let mut banner = Banner::default();
     let mut sent_at = Instant::now();
     loop {
         ticks.tick().await;
         // Compares both numbers, because cycle numbers start again when the daemon restarts.
-        let news = feed().filter(|frame| shown != Some((frame.state.cycle, frame.state.time_ns)));
-        if let Some(frame) = news {
-            shown = Some((frame.state.cycle, frame.state.time_ns));
+        let new_frame =
+            feed().filter(|frame| last_frame_id != Some((frame.state.cycle, frame.state.time_ns)));
+        if let Some(frame) = new_frame {
+            last_frame_id = Some((frame.state.cycle, frame.state.time_ns));
             let headline = banner.update(&frame.state, frame.pose());
             if let Ok(texts) = texts(&frame, headline) {
                 sent_at = Instant::now();

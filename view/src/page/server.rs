@@ -18,7 +18,7 @@ use tokio_stream::StreamExt;
 use tokio_stream::wrappers::WatchStream;
 
 use super::guard::{Access, guard};
-use super::newest::{Newest, follow};
+use super::newest::{Newest, run_frame_feed};
 use super::station::Engineer;
 use super::{PageFrame, assets, connections, engineer, event_stream};
 
@@ -38,7 +38,7 @@ pub(super) async fn serve<F>(
 {
     let (newest, watched) = watch::channel(Newest::Silent);
     let mut readers = JoinSet::new();
-    readers.spawn(follow(feed, newest.clone()));
+    readers.spawn(run_frame_feed(feed, newest.clone()));
     let (more, facts_reader) = engineer.map(engineer::routes).unzip();
     if let Some(facts_reader) = facts_reader {
         readers.spawn(facts_reader);

@@ -1,4 +1,4 @@
-//! What a state says per joint, as objects by MVN's names in MVN's order.
+//! Per-joint values of a state, as JSON objects with MVN's joint names in MVN's order.
 
 use equipoise_core::body::{JOINTS, Joint};
 use equipoise_core::message::State;

@@ -15,7 +15,7 @@ const COMMANDING: &str = "commanding-0123456789abcdefghijk";
 
 /// A station that counts calls and records commands.
 #[derive(Default)]
-struct Known {
+struct MockStation {
     asked_for_facts: AtomicU32,
     commands: Mutex<Vec<PageCommand>>,
     /// Current and maximum number of concurrent reads of the report.
@@ -25,7 +25,7 @@ struct Known {
     unlisted: Mutex<Option<String>>,
 }
 
-impl Station for Known {
+impl Station for MockStation {
     fn facts(&self) -> String {
         format!("{{\"asked\":{}}}", self.asked_for_facts.fetch_add(1, Ordering::SeqCst))
     }
@@ -58,13 +58,13 @@ impl Station for Known {
     }
 }
 
-fn page(viewing: Option<&str>, commanding: Option<&str>) -> (Page, Arc<Known>) {
-    let known = Arc::new(Known::default());
+fn page(viewing: Option<&str>, commanding: Option<&str>) -> (Page, Arc<MockStation>) {
+    let station = Arc::new(MockStation::default());
     let command_token = commanding.map(|text| Token::new(text).unwrap());
-    let engineer = Engineer { station: Arc::clone(&known) as _, command_token };
+    let engineer = Engineer { station: Arc::clone(&station) as _, command_token };
     let token = viewing.map(|text| Token::new(text).unwrap());
     let feed = || Some(PageFrame::new(State::zeroed()));
-    (Page::start_with("127.0.0.1:0".parse().unwrap(), token, feed, Some(engineer)).unwrap(), known)
+    (Page::start_with("127.0.0.1:0".parse().unwrap(), token, feed, Some(engineer)).unwrap(), station)
 }
 
 fn connect(page: &Page, request: &str) -> TcpStream {
@@ -88,14 +88,14 @@ fn with(token: &str) -> String {
 
 #[test]
 fn a_command_reaches_the_daemon_and_its_sentence_comes_back() {
-    let (page, known) = page(None, Some(COMMANDING));
+    let (page, station) = page(None, Some(COMMANDING));
     let (status, answer) = response_to(&page, "POST", "/api/command/identify-start", &with(COMMANDING));
     assert!(status == 200 && answer.ends_with("done as asked"), "{answer}");
     let (status, answer) = response_to(&page, "POST", "/api/command/tare", &with(COMMANDING));
     assert!(status == 409 && answer.ends_with("somebody stands on the plate"), "{answer}");
     let (status, _) = response_to(&page, "POST", "/api/command/subject-load/anon-7", &with(COMMANDING));
     assert_eq!(status, 200);
-    let asked = known.commands.lock().unwrap().clone();
+    let asked = station.commands.lock().unwrap().clone();
     let load = PageCommand::SubjectLoad("anon-7".to_owned());
     assert_eq!(asked, [PageCommand::IdentifyStart, PageCommand::Tare, load]);
     page.stop();
@@ -103,7 +103,7 @@ fn a_command_reaches_the_daemon_and_its_sentence_comes_back() {
 
 #[test]
 fn a_viewer_may_not_command() {
-    let (page, known) = page(Some(VIEWING), Some(COMMANDING));
+    let (page, station) = page(Some(VIEWING), Some(COMMANDING));
     let bearer = format!("Authorization: Bearer {VIEWING}\r\n");
     let target = "/api/command/identify-reset";
     for headers in [
@@ -118,20 +118,20 @@ fn a_viewer_may_not_command() {
         let (status, answer) = response_to(&page, "POST", target, &headers);
         assert_eq!(status, 401, "{headers}: {answer}");
     }
-    assert!(known.commands.lock().unwrap().is_empty());
+    assert!(station.commands.lock().unwrap().is_empty());
     let (_, answer) = response_to(&page, "POST", target, &format!("{bearer}{}", with(VIEWING)));
     assert!(answer.ends_with("The command token is wrong.\n"), "{answer}");
     let (status, _) = response_to(&page, "POST", target, &format!("{bearer}{}", with(COMMANDING)));
-    assert_eq!((status, known.commands.lock().unwrap().len()), (200, 1));
+    assert_eq!((status, station.commands.lock().unwrap().len()), (200, 1));
     page.stop();
 }
 
 #[test]
 fn the_stored_workers_are_listed_for_the_command_token_only() {
-    let (page, known) = page(None, Some(COMMANDING));
+    let (page, station) = page(None, Some(COMMANDING));
     let (status, answer) = response_to(&page, "GET", "/api/subjects", &with(COMMANDING));
     assert!(status == 200 && answer.ends_with(r#"["anon-1","anon-2"]"#), "{answer}");
-    *known.unlisted.lock().unwrap() = Some("cannot read the profiles".to_owned());
+    *station.unlisted.lock().unwrap() = Some("cannot read the profiles".to_owned());
     let (status, answer) = response_to(&page, "GET", "/api/subjects", &with(COMMANDING));
     assert!(status == 500 && answer.ends_with("cannot read the profiles"), "{answer}");
     assert_eq!(response_to(&page, "GET", "/api/subjects", &with(VIEWING)).0, 401);
@@ -141,7 +141,7 @@ fn the_stored_workers_are_listed_for_the_command_token_only() {
 
 #[test]
 fn no_other_site_commands_even_with_the_token() {
-    let (page, known) = page(None, Some(COMMANDING));
+    let (page, station) = page(None, Some(COMMANDING));
     let (own, target) = (page.address(), "/api/command/identify-start");
     for headers in [
         "Origin: http://evil.example\r\n".to_owned(),
@@ -162,7 +162,7 @@ fn no_other_site_commands_even_with_the_token() {
     assert_eq!(response_to(&page, "GET", target, &with(COMMANDING)).0, 405);
     let form = format!("X-Equipoise-Command: {COMMANDING}\r\nContent-Length: 3\r\n\r\na=1");
     assert_eq!(response_to(&page, "POST", target, &form).0, 413);
-    assert!(known.commands.lock().unwrap().is_empty());
+    assert!(station.commands.lock().unwrap().is_empty());
     let own_origin = format!("Origin: http://{own}\r\nSec-Fetch-Site: same-origin\r\n{}", with(COMMANDING));
     assert_eq!(response_to(&page, "POST", target, &own_origin).0, 200);
     page.stop();
@@ -170,24 +170,24 @@ fn no_other_site_commands_even_with_the_token() {
 
 #[test]
 fn without_a_command_token_nothing_is_commanded_and_unknown_commands_are_not_there() {
-    let (deaf, known) = page(None, None);
+    let (deaf, station) = page(None, None);
     assert_eq!(response_to(&deaf, "POST", "/api/command/identify-start", &with(COMMANDING)).0, 403);
-    assert!(known.commands.lock().unwrap().is_empty());
+    assert!(station.commands.lock().unwrap().is_empty());
     deaf.stop();
-    let (page, known) = page(None, Some(COMMANDING));
+    let (page, station) = page(None, Some(COMMANDING));
     for target in ["subject-delete/anon-1", "reload", "subject-load", "subject-load/a.b", "tare/now"] {
         let (status, _) = response_to(&page, "POST", &format!("/api/command/{target}"), &with(COMMANDING));
         assert_eq!(status, 404, "{target}");
     }
-    assert!(known.commands.lock().unwrap().is_empty());
+    assert!(station.commands.lock().unwrap().is_empty());
     page.stop();
 }
 
 #[test]
 fn facts_are_gathered_only_while_somebody_looks_and_a_late_joiner_gets_them_at_once() {
-    let (page, known) = page(None, None);
+    let (page, station) = page(None, None);
     std::thread::sleep(Duration::from_millis(600));
-    assert_eq!(known.asked_for_facts.load(Ordering::SeqCst), 0, "no viewer");
+    assert_eq!(station.asked_for_facts.load(Ordering::SeqCst), 0, "no viewer");
     let look = || {
         let request = format!("GET /events/station HTTP/1.1\r\nHost: {}\r\n\r\n", page.address());
         BufReader::new(connect(&page, &request))
@@ -217,7 +217,7 @@ fn the_page_its_history_and_the_report_are_served_under_rules_that_run_nothing()
 
 #[test]
 fn reads_of_the_report_are_not_concurrent() {
-    let (page, known) = page(None, None);
+    let (page, station) = page(None, None);
     std::thread::scope(|scope| {
         let requests: Vec<_> =
             (0..8).map(|_| scope.spawn(|| response_to(&page, "GET", "/report", ""))).collect();
@@ -226,6 +226,6 @@ fn reads_of_the_report_are_not_concurrent() {
             assert!(status == 200 && report.contains("what the model lacks"), "{report}");
         }
     });
-    assert_eq!(known.reading_max.load(Ordering::SeqCst), 1);
+    assert_eq!(station.reading_max.load(Ordering::SeqCst), 1);
     page.stop();
 }

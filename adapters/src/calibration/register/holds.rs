@@ -6,12 +6,12 @@ use super::Hold;
 const HOLD_NS: u64 = 2_000_000_000;
 /// A longer interval between samples is a gap, ns.
 const GAP_NS: u64 = 300_000_000;
-/// Minimum distance, m, or rotation, rad, that makes another position.
-const ELSEWHERE: (f64, f64) = (0.08, 0.35);
+/// Distance, m, or rotation, rad, from which a position counts as another one.
+const POSITION_STEP: (f64, f64) = (0.08, 0.35);
 
 /// One sample of a person on a plate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
+pub struct Observation {
     /// Sample time, ns.
     pub time_ns: u64,
     /// Stance number: it increments with every step.
@@ -19,15 +19,15 @@ pub struct Moment {
     /// Whether the pose is static.
     pub still: bool,
     /// The quantities that a hold averages.
-    pub seen: Hold,
+    pub values: Hold,
 }
 
 /// Collects holds.
 #[derive(Debug, Clone, Default)]
 pub struct Holds {
-    found: Vec<Hold>,
+    completed: Vec<Hold>,
     since_ns: u64,
-    newest: Option<Moment>,
+    newest: Option<Observation>,
     sum: Option<(Hold, f64, [f64; 2])>,
 }
 
@@ -37,77 +37,77 @@ pub enum Progress {
     /// The subject moves.
     Moving,
     /// Static, at a position that was already used.
-    Known,
+    AlreadyUsed,
     /// Static, with the remaining time.
     Holding {
         /// Remaining time, s.
-        left_s: f64,
+        remaining_s: f64,
     },
     /// A hold was completed.
-    Got(Hold),
+    Completed(Hold),
 }
 
 impl Holds {
     /// The holds so far.
-    pub fn found(&self) -> &[Hold] {
-        &self.found
+    pub fn completed(&self) -> &[Hold] {
+        &self.completed
     }
 
     /// Processes the next sample.
-    pub fn take(&mut self, moment: Moment) -> Progress {
-        let goes_on = self.newest.is_some_and(|newest| {
+    pub fn ingest(&mut self, observation: Observation) -> Progress {
+        let continues = self.newest.is_some_and(|newest| {
             newest.still
-                && newest.stance == moment.stance
-                && moment.time_ns > newest.time_ns
-                && moment.time_ns - newest.time_ns < GAP_NS
+                && newest.stance == observation.stance
+                && observation.time_ns > newest.time_ns
+                && observation.time_ns - newest.time_ns < GAP_NS
         });
-        self.newest = Some(moment);
-        if !moment.still {
+        self.newest = Some(observation);
+        if !observation.still {
             self.sum = None;
             return Progress::Moving;
         }
-        if !goes_on || self.sum.is_none() {
-            self.since_ns = moment.time_ns;
+        if !continues || self.sum.is_none() {
+            self.since_ns = observation.time_ns;
             self.sum = None;
         }
-        let mean = self.add(&moment.seen);
-        if self.found.iter().any(|known| is_same_place(known, &mean)) {
-            return Progress::Known;
+        let mean = self.add(&observation.values);
+        if self.completed.iter().any(|earlier| is_same_position(earlier, &mean)) {
+            return Progress::AlreadyUsed;
         }
-        let held_ns = moment.time_ns - self.since_ns;
+        let held_ns = observation.time_ns - self.since_ns;
         if held_ns < HOLD_NS {
-            return Progress::Holding { left_s: (HOLD_NS - held_ns) as f64 * 1e-9 };
+            return Progress::Holding { remaining_s: (HOLD_NS - held_ns) as f64 * 1e-9 };
         }
-        self.found.push(mean);
-        Progress::Got(mean)
+        self.completed.push(mean);
+        Progress::Completed(mean)
     }
 
     /// Adds a sample to the mean and returns the mean.
-    fn add(&mut self, seen: &Hold) -> Hold {
-        let (mut sum, count, mut looks) = self.sum.unwrap_or((
+    fn add(&mut self, values: &Hold) -> Hold {
+        let (mut sum, count, mut directions) = self.sum.unwrap_or((
             Hold { measured_m: [0.0; 2], expected_m: [0.0; 2], heading_rad: 0.0 },
             0.0,
             [0.0; 2],
         ));
         for axis in 0..2 {
-            sum.measured_m[axis] += seen.measured_m[axis];
-            sum.expected_m[axis] += seen.expected_m[axis];
+            sum.measured_m[axis] += values.measured_m[axis];
+            sum.expected_m[axis] += values.expected_m[axis];
         }
-        looks[0] += seen.heading_rad.cos();
-        looks[1] += seen.heading_rad.sin();
-        self.sum = Some((sum, count + 1.0, looks));
+        directions[0] += values.heading_rad.cos();
+        directions[1] += values.heading_rad.sin();
+        self.sum = Some((sum, count + 1.0, directions));
         let mean = |sum_m: [f64; 2]| sum_m.map(|metres| metres / (count + 1.0));
         Hold {
             measured_m: mean(sum.measured_m),
             expected_m: mean(sum.expected_m),
-            heading_rad: looks[1].atan2(looks[0]),
+            heading_rad: directions[1].atan2(directions[0]),
         }
     }
 }
 
-fn is_same_place(one: &Hold, other: &Hold) -> bool {
+fn is_same_position(one: &Hold, other: &Hold) -> bool {
     let apart_m =
         f64::hypot(one.measured_m[0] - other.measured_m[0], one.measured_m[1] - other.measured_m[1]);
     let turned = one.heading_rad - other.heading_rad;
-    apart_m < ELSEWHERE.0 && f64::atan2(turned.sin(), turned.cos()).abs() < ELSEWHERE.1
+    apart_m < POSITION_STEP.0 && f64::atan2(turned.sin(), turned.cos()).abs() < POSITION_STEP.1
 }

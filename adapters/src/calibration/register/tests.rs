@@ -1,4 +1,4 @@
-use super::holds::{Holds, Moment, Progress};
+use super::holds::{Holds, Observation, Progress};
 use super::*;
 use equipoise_simulator::random::Random;
 use proptest::prelude::*;
@@ -15,9 +15,9 @@ const PLACES: [([f64; 2], f64); 7] = [
 ];
 
 /// Holds of a person on a plate with this rotation and translation relative to the configured frame.
-fn holds(yaw_rad: f64, shift_m: [f64; 2], bias_m: [f64; 2], off_m: f64, random: &mut Random) -> Vec<Hold> {
+fn holds(yaw_rad: f64, shift_m: [f64; 2], bias_m: [f64; 2], error_m: f64, random: &mut Random) -> Vec<Hold> {
     let hold = |(place_m, heading_rad): &([f64; 2], f64)| {
-        let mut off = || off_m * random.normal();
+        let mut off = || error_m * random.normal();
         let there = Vector2::from(*place_m);
         let measured = turn(-yaw_rad) * (there - Vector2::from(shift_m));
         let expected = there - turn(*heading_rad) * Vector2::from(bias_m) + Vector2::new(off(), off());
@@ -28,7 +28,7 @@ fn holds(yaw_rad: f64, shift_m: [f64; 2], bias_m: [f64; 2], off_m: f64, random: 
 
 proptest! {
     #[test]
-    fn a_frame_is_found_exactly_where_nothing_is_off(
+    fn the_frame_is_exact_without_errors(
         yaw_rad in -3.1..3.1, shift_m in proptest::array::uniform2(-2.0..2.0),
     ) {
         let mut random = Random::new(1, "none");
@@ -65,7 +65,7 @@ fn the_estimate_is_within_its_published_sigma() {
 }
 
 #[test]
-fn the_turn_does_not_know_the_body_and_the_shift_knows_it_only_after_a_turn() {
+fn yaw_is_independent_of_the_body_bias_and_the_shift_requires_a_turn() {
     let mut random = Random::new(3, "bias");
     let turned = holds(0.3, [0.1, -0.2], [0.04, 0.0], 0.0, &mut random);
     let straight = &turned[..5];
@@ -79,7 +79,7 @@ fn the_turn_does_not_know_the_body_and_the_shift_knows_it_only_after_a_turn() {
 }
 
 #[test]
-fn places_that_tell_nothing_are_refused() {
+fn insufficient_positions_are_refused() {
     let mut random = Random::new(3, "few");
     let all = holds(0.3, [0.1, -0.2], [0.0; 2], 0.005, &mut random);
     assert_eq!(register(&all[..2]), Err(RegisterRefusal::TooFew { found: 2 }));
@@ -102,7 +102,7 @@ fn places_that_tell_nothing_are_refused() {
 }
 
 #[test]
-fn a_frame_in_force_is_put_right() {
+fn a_configured_frame_is_corrected() {
     let mut random = Random::new(3, "frame");
     let found = register(&holds(0.5, [0.4, -0.1], [0.0; 2], 0.0, &mut random)).unwrap();
     let before = GroundFrame { origin_m: [0.2, 0.1, -0.05], yaw_rad: 3.0, ..GroundFrame::default() };
@@ -121,26 +121,26 @@ fn a_frame_in_force_is_put_right() {
 }
 
 #[test]
-fn a_hold_is_two_seconds_of_stillness_at_a_new_place() {
+fn a_hold_is_two_seconds_of_a_static_pose_at_a_new_position() {
     let mut holds = Holds::default();
-    let mut got = 0;
+    let mut completed = 0;
     let mut time_ns = 0;
     let mut stand = |place_m: [f64; 2], heading_rad: f64, stance: u32, seconds: f64, still: bool| {
         let mut last = Progress::Moving;
         for _ in 0..(seconds * 60.0) as u32 {
             time_ns += 16_666_667;
-            let seen = Hold { measured_m: place_m, expected_m: place_m, heading_rad };
-            last = holds.take(Moment { time_ns, stance, still, seen });
-            got += usize::from(matches!(last, Progress::Got(_)));
+            let values = Hold { measured_m: place_m, expected_m: place_m, heading_rad };
+            last = holds.ingest(Observation { time_ns, stance, still, values });
+            completed += usize::from(matches!(last, Progress::Completed(_)));
         }
-        (got, last)
+        (completed, last)
     };
     assert_eq!(stand([0.0, 0.2], 0.0, 0, 1.5, true).0, 0);
     assert_eq!(stand([0.0, 0.2], 0.0, 0, 0.1, false), (0, Progress::Moving));
     assert_eq!(stand([0.0, 0.2], 0.0, 0, 2.1, true).0, 1);
     assert_eq!(
         stand([0.0, 0.2], 0.0, 0, 5.0, true),
-        (1, Progress::Known),
+        (1, Progress::AlreadyUsed),
         "the same place does not count twice"
     );
     assert_eq!(stand([0.0, 0.0], 0.0, 1, 1.9, true).0, 1);

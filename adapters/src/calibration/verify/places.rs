@@ -9,7 +9,7 @@ const SPAN_MIN_M: f64 = 0.08;
 
 /// A number and its 1-σ.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Known {
+pub struct Estimate {
     /// The number.
     pub value: f64,
     /// 1-σ.
@@ -20,13 +20,13 @@ pub struct Known {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
     /// Excess of distances along x, as a fraction.
-    pub scale_x: Known,
+    pub scale_x: Estimate,
     /// The same along y.
-    pub scale_y: Known,
+    pub scale_y: Estimate,
     /// Rotation of the plate's axes to the right of the configured ones, rad.
-    pub turned_rad: Known,
+    pub turned_rad: Estimate,
     /// Measured position of a point at the plate's origin, m.
-    pub origin_m: [Known; 2],
+    pub origin_m: [Estimate; 2],
     /// Root mean square residual per axis, m; 0 for three positions, which always fit.
     pub left_m: f64,
 }
@@ -55,13 +55,13 @@ pub fn geometry(seen_m: &[[f64; 2]], true_m: &[[f64; 2]]) -> Option<Geometry> {
     let scatter_m = if freedom > 0.0 { (square / freedom).sqrt() } else { 0.0 };
     let sigma_m = scatter_m.max(RULER_SIGMA_M);
     let sigma = |parameter: usize| sigma_m * inverse[(parameter, parameter)].max(0.0).sqrt();
-    let known = |value: f64, parameter: usize| Known { value, sigma: sigma(parameter) };
+    let estimate = |value: f64, parameter: usize| Estimate { value, sigma: sigma(parameter) };
     let [x, y] = fits;
     Some(Geometry {
-        scale_x: known(x[1] - 1.0, 1),
-        scale_y: known(y[2] - 1.0, 2),
-        turned_rad: Known { value: 0.5 * (y[1] - x[2]), sigma: 0.5 * sigma(1).hypot(sigma(2)) },
-        origin_m: [known(x[0], 0), known(y[0], 0)],
+        scale_x: estimate(x[1] - 1.0, 1),
+        scale_y: estimate(y[2] - 1.0, 2),
+        turned_rad: Estimate { value: 0.5 * (y[1] - x[2]), sigma: 0.5 * sigma(1).hypot(sigma(2)) },
+        origin_m: [estimate(x[0], 0), estimate(y[0], 0)],
         left_m: (square / (2.0 * count as f64)).sqrt(),
     })
 }

@@ -61,7 +61,7 @@ pub struct Centre {
 
 /// An insole.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sole {
+pub struct Insole {
     /// Channel of the force on the foot.
     pub vertical: usize,
     /// Channels of the centre of pressure: toward the toes, to the left.
@@ -218,14 +218,14 @@ impl Channels {
     ///
     /// # Errors
     /// [`ChannelFault::Beyond`] or [`ChannelFault::Number`].
-    pub fn soles(count: usize, soles: [Sole; 2]) -> Result<Channels, ChannelFault> {
-        within(soles.iter().flat_map(|sole| sole.cop.iter().chain([&sole.vertical])), count)?;
+    pub fn insoles(count: usize, insoles: [Insole; 2]) -> Result<Channels, ChannelFault> {
+        within(insoles.iter().flat_map(|insole| insole.cop.iter().chain([&insole.vertical])), count)?;
         let mut units =
-            soles.iter().flat_map(|sole| sole.metres_per_unit.iter().chain([&sole.newtons_per_unit]));
+            insoles.iter().flat_map(|insole| insole.metres_per_unit.iter().chain([&insole.newtons_per_unit]));
         if !units.all(|unit| unit.is_finite() && *unit != 0.0) {
             return Err(ChannelFault::Number { what: "length and width of the insoles" });
         }
-        Ok(Channels { count, form: Form::Soles(soles) })
+        Ok(Channels { count, form: Form::Insoles(insoles) })
     }
 
     fn linear(

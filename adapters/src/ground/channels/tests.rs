@@ -19,7 +19,7 @@ fn kistler() -> EightChannels {
 fn wrench(load: Load) -> Wrench {
     match load {
         Load::Wrench(wrench) | Load::Part { wrench, .. } => wrench,
-        Load::Soles(_) => panic!("soles"),
+        Load::Insoles(_) => panic!("insoles"),
     }
 }
 
@@ -104,17 +104,19 @@ fn load_cells_in_one_line_carry_nothing() {
 
 #[test]
 fn a_sole_without_force_has_no_centre_and_one_that_counts_to_the_heel_is_turned() {
-    let sole = |first: usize, sign: f64| Sole {
+    let insole = |first: usize, sign: f64| Insole {
         vertical: first,
         cop: [first + 1, first + 2],
         newtons_per_unit: 1.0,
         metres_per_unit: [0.25 * sign, 0.09],
     };
-    let soles = Channels::soles(6, [sole(0, 1.0), sole(3, -1.0)]).unwrap();
-    let Load::Soles([left, right]) = soles.load(&[0.0, 0.3, 0.3, 400.0, 0.2, -0.1]) else { panic!("soles") };
+    let insoles = Channels::insoles(6, [insole(0, 1.0), insole(3, -1.0)]).unwrap();
+    let Load::Insoles([left, right]) = insoles.load(&[0.0, 0.3, 0.3, 400.0, 0.2, -0.1]) else {
+        panic!("insoles")
+    };
     assert_eq!((left.vertical_n, left.cop_m), (0.0, [0.0, 0.0]));
     assert!((right.cop_m[0] + 0.05).abs() < 1e-12 && (right.cop_m[1] + 0.009).abs() < 1e-12);
-    assert!(!soles.load(&[1.0]).is_finite(), "channels that did not come are no zeros");
+    assert!(!insoles.load(&[1.0]).is_finite(), "channels that did not come are no zeros");
 }
 
 proptest! {

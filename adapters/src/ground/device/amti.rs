@@ -10,7 +10,7 @@ use crate::ground::reading::{Decoded, Load, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 pub use crate::units::{METRE_PER_INCH, NEWTON_PER_LBF};
 use crate::wire::amti::{CHANNELS, Command, FRAME_SIZE, Frame, SPEED_FAST, SPEED_SLOW};
-use crate::wire::sliding::{Found, Sliding};
+use crate::wire::sliding::{Sliding, StreamElement};
 use dialogue::Dialogue;
 
 /// A started plate that is silent for this long was switched off, or did not start to stream.
@@ -73,7 +73,7 @@ pub struct Amti {
     stream: Sliding,
     framing: Framing,
     /// Bytes since the last frame that belong to no frame.
-    passed: usize,
+    skipped: usize,
     /// Arrival of the last frame.
     framed_ns: u64,
     frames: u32,
@@ -93,7 +93,7 @@ impl Amti {
                 settings.rate.speed(),
                 "57600 or 115200, as its rate is",
             ),
-            passed: 0,
+            skipped: 0,
             framed_ns: 0,
             frames: 0,
             last_ns: 0,
@@ -125,25 +125,25 @@ impl Amti {
 
     fn read(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         self.stream.push(bytes);
-        while let Some(found) = self.stream.next(Frame::parse) {
-            match found {
-                Found::Frame(frame) => {
-                    if self.passed > 0 {
+        while let Some(element) = self.stream.next(Frame::parse) {
+            match element {
+                StreamElement::Frame(frame) => {
+                    if self.skipped > 0 {
                         let since_ns = arrival_ns.saturating_sub(self.framed_ns);
-                        let frames = missing(self.passed, FRAME_SIZE, since_ns, self.settings.rate.hz());
+                        let frames = missing(self.skipped, FRAME_SIZE, since_ns, self.settings.rate.hz());
                         decoded.lost(u32::try_from(frames).unwrap_or(u32::MAX));
                     }
-                    (self.passed, self.framed_ns) = (0, arrival_ns);
+                    (self.skipped, self.framed_ns) = (0, arrival_ns);
                     self.framing.frame();
                     let reading = self.reading(&frame);
                     decoded.reading(reading);
                 }
-                Found::Passed { bytes, .. } => {
-                    if self.passed == 0 {
+                StreamElement::Skipped { bytes, .. } => {
+                    if self.skipped == 0 {
                         decoded.refuse(GroundRefusal::Garbage);
                     }
-                    self.passed += bytes;
-                    self.framing.passed(bytes);
+                    self.skipped += bytes;
+                    self.framing.skipped(bytes);
                 }
             }
         }
@@ -167,7 +167,7 @@ impl GroundDevice for Amti {
             self.read(bytes, arrival_ns, decoded);
         } else if let Some(rest) = self.dialogue.ingest(bytes, arrival_ns) {
             self.stream.clear();
-            self.passed = 0;
+            self.skipped = 0;
             decoded.restarted();
             self.last_ns = arrival_ns;
             self.framed_ns = arrival_ns;
@@ -177,8 +177,8 @@ impl GroundDevice for Amti {
 
     fn next_action(&mut self, now_ns: u64) -> Action {
         let silent = now_ns.saturating_sub(self.last_ns) > SILENCE_NS;
-        if self.dialogue.is_streaming() && (silent || self.framing.is_hopeless()) {
-            self.framing.hope_again();
+        if self.dialogue.is_streaming() && (silent || self.framing.is_mismatched()) {
+            self.framing.restart_count();
             self.dialogue.begin(now_ns);
         }
         self.dialogue.next_action(now_ns)

@@ -7,7 +7,7 @@ use crate::ground::channels::Channels;
 use crate::ground::order::{Order, Stamps, Trust};
 use crate::ground::reading::{Decoded, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
-use crate::wire::frame::{Found, FrameForm, Frames, Length, Look, Number, Place, Tag};
+use crate::wire::frame::{FrameForm, FrameMatch, Frames, Length, Number, NumberPosition, StreamElement, Tag};
 
 /// Set in a sample's counter while the device's trigger input, if any, is active.
 pub const TRIGGER: u32 = 1 << 31;
@@ -20,7 +20,7 @@ const REPORTED_AFTER_BYTES: usize = 512;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Field {
     /// Position in the frame.
-    pub place: Place,
+    pub place: NumberPosition,
     /// The channel is `scale × number ÷ per + offset`.
     pub scale: f64,
     /// Count of the number's units in one of the channel's; 1 if `scale` covers the conversion.
@@ -33,7 +33,7 @@ pub struct Field {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Count {
     /// Position in the frame.
-    pub place: Place,
+    pub place: NumberPosition,
     /// Value at which the counter wraps to zero, 2 to 2⁶⁴.
     pub modulus: u128,
 }
@@ -42,7 +42,7 @@ pub struct Count {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Time {
     /// Position in the frame.
-    pub place: Place,
+    pub place: NumberPosition,
     /// Unit of the field, ns.
     pub unit_ns: u64,
 }
@@ -78,7 +78,7 @@ pub struct BinarySettings {
     /// Frame rate of a device without a counter, if configured: it reveals lost frames by the elapsed time, too.
     pub rate_hz: Option<f64>,
     /// Status bits: a sample with any of them set must not be used.
-    pub status: Option<Place>,
+    pub status: Option<NumberPosition>,
     /// Value that indicates an active trigger input.
     pub trigger: Option<Tag>,
     /// Bytes that start the stream, repeated while the device is silent.
@@ -94,7 +94,7 @@ pub struct Binary {
     reader: Reader,
     asking: Option<Asking>,
     /// Bytes since the last frame that belong to no frame.
-    passed: usize,
+    skipped: usize,
     /// Arrival of the last frame.
     framed_ns: Option<u64>,
     /// The same, or all bytes of datagrams without a frame; reported as a fault.
@@ -129,7 +129,7 @@ impl Binary {
             frames: Frames::new(settings.form.clone()),
             asking: settings.request.clone().map(Asking::new),
             reader: Reader { order, count: 0, values: vec![0.0; settings.fields.len()], settings },
-            passed: 0,
+            skipped: 0,
             framed_ns: None,
             unframed: 0,
         }
@@ -150,22 +150,22 @@ impl Binary {
         let mut rest = bytes;
         while !rest.is_empty() {
             let form = self.frames.form();
-            let length = match form.look(rest) {
-                Look::Frame(frame) => {
-                    (self.passed, self.unframed) = (0, 0);
+            let length = match form.match_start(rest) {
+                FrameMatch::Frame(frame) => {
+                    (self.skipped, self.unframed) = (0, 0);
                     self.reader.frame(frame, arrival_ns, decoded);
                     self.asking.iter_mut().for_each(|asking| asking.register_arrival(arrival_ns));
                     frame.len()
                 }
-                Look::Other(frame) => {
+                FrameMatch::Other(frame) => {
                     decoded.refuse(GroundRefusal::UnknownKind);
                     frame.len()
                 }
-                Look::TooFew => {
+                FrameMatch::TooFew => {
                     decoded.refuse(GroundRefusal::Length);
                     rest.len()
                 }
-                Look::Nothing => {
+                FrameMatch::Nothing => {
                     let damaged = form.begins_damaged(rest);
                     decoded.refuse(if damaged { GroundRefusal::Checksum } else { GroundRefusal::Garbage });
                     if damaged && self.reader.counts_nothing() {
@@ -185,37 +185,37 @@ impl Binary {
 
     fn stream(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         self.frames.push(bytes);
-        while let Some(found) = self.frames.advance() {
-            match found {
-                Found::Frame(frame) => {
+        while let Some(element) = self.frames.advance() {
+            match element {
+                StreamElement::Frame(frame) => {
                     if self.asking.as_mut().is_some_and(Asking::is_answer) {
                         decoded.restarted();
                     }
                     self.unframed = 0;
-                    let passed = core::mem::take(&mut self.passed);
+                    let skipped = core::mem::take(&mut self.skipped);
                     let before_ns = self.framed_ns.replace(arrival_ns);
-                    if self.reader.counts_nothing() && passed > 0 {
+                    if self.reader.counts_nothing() && skipped > 0 {
                         let since_ns = before_ns.map_or(0, |before_ns| arrival_ns.saturating_sub(before_ns));
                         let rate_hz = self.reader.settings.rate_hz.unwrap_or_default();
-                        let frames = missing(passed, frame.len(), since_ns, rate_hz);
+                        let frames = missing(skipped, frame.len(), since_ns, rate_hz);
                         decoded.lost(u32::try_from(frames * self.reader.scans()).unwrap_or(u32::MAX));
                     }
                     self.reader.frame(frame, arrival_ns, decoded);
                     self.asking.iter_mut().for_each(|asking| asking.register_arrival(arrival_ns));
                 }
-                Found::Other => {
-                    (self.passed, self.unframed) = (0, 0);
+                StreamElement::Other => {
+                    (self.skipped, self.unframed) = (0, 0);
                     decoded.refuse(GroundRefusal::UnknownKind);
                 }
-                Found::Passed { bytes, damaged } => {
-                    if self.passed == 0 {
+                StreamElement::Skipped { bytes, damaged } => {
+                    if self.skipped == 0 {
                         decoded.refuse(if damaged {
                             GroundRefusal::Checksum
                         } else {
                             GroundRefusal::Garbage
                         });
                     }
-                    self.passed = self.passed.saturating_add(bytes);
+                    self.skipped = self.skipped.saturating_add(bytes);
                     self.unframed = self.unframed.saturating_add(bytes);
                 }
             }
@@ -228,7 +228,7 @@ impl GroundDevice for Binary {
         self.frames.clear();
         self.asking.iter_mut().for_each(Asking::opened);
         self.reader.order.reset();
-        (self.passed, self.framed_ns) = (0, None);
+        (self.skipped, self.framed_ns) = (0, None);
         self.unframed = 0;
     }
 

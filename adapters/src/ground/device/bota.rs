@@ -7,7 +7,7 @@ use crate::ground::lead::Lead;
 use crate::ground::reading::{Decoded, Load, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::bota::{FRAME_SIZE, Frame, HEADER, setup, status};
-use crate::wire::sliding::{Found, Sliding};
+use crate::wire::sliding::{Sliding, StreamElement};
 
 const MS: u64 = 1_000_000;
 /// Timeout of an answer, after which the command is repeated.
@@ -93,10 +93,10 @@ impl Bota {
 
     fn read(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         self.stream.push(bytes);
-        while let Some(found) = self.stream.next(Frame::parse) {
-            match found {
-                Found::Frame(frame) => self.frame(&frame, arrival_ns, decoded),
-                Found::Passed { bytes, first } => {
+        while let Some(element) = self.stream.next(Frame::parse) {
+            match element {
+                StreamElement::Frame(frame) => self.frame(&frame, arrival_ns, decoded),
+                StreamElement::Skipped { bytes, first } => {
                     let damaged = first == HEADER;
                     if !core::mem::replace(&mut self.passing, true) {
                         decoded.refuse(if damaged {
@@ -105,7 +105,7 @@ impl Bota {
                             GroundRefusal::Garbage
                         });
                     }
-                    self.framing.passed(bytes);
+                    self.framing.skipped(bytes);
                 }
             }
         }

@@ -10,11 +10,11 @@ const LATE_MAX: usize = 4;
 
 /// Count of missing frames of a device without a counter, from the bytes that formed no frame or, if a longer stretch
 /// of bytes is missing, from the elapsed time. A rate of 0 means unknown.
-pub(super) fn missing(passed_bytes: usize, frame_bytes: usize, since_ns: u64, rate_hz: f64) -> usize {
-    let by_room = (passed_bytes + frame_bytes / 2) / frame_bytes.max(1);
+pub(super) fn missing(skipped_bytes: usize, frame_bytes: usize, since_ns: u64, rate_hz: f64) -> usize {
+    let by_bytes = (skipped_bytes + frame_bytes / 2) / frame_bytes.max(1);
     let periods = since_ns as f64 * 1e-9 * rate_hz;
     let by_time = (periods.round() as usize).saturating_sub(1);
-    if by_time > by_room + LATE_MAX { by_time } else { by_room }
+    if by_time > by_bytes + LATE_MAX { by_time } else { by_bytes }
 }
 
 /// Counts bytes since the last frame. One valid frame resets the count.
@@ -25,46 +25,46 @@ pub struct Framing {
     baud: u32,
     limit: u64,
     unframed: u64,
-    named: bool,
+    is_reported: bool,
 }
 
 impl Framing {
     /// For frames of this length, of a device of this name, on a line of this speed; `usual` lists its usual speeds.
     pub fn new(device: &'static str, frame_bytes: usize, baud: u32, usual: &'static str) -> Framing {
         let limit = (FRAMES * frame_bytes as u64).max(BYTES_MIN);
-        Framing { device, usual, baud, limit, unframed: 0, named: false }
+        Framing { device, usual, baud, limit, unframed: 0, is_reported: false }
     }
 
     /// The line was opened again, at this speed.
     pub fn restart(&mut self, baud: u32) {
-        (self.baud, self.unframed, self.named) = (baud, 0, false);
+        (self.baud, self.unframed, self.is_reported) = (baud, 0, false);
     }
 
     /// A frame was decoded.
     pub fn frame(&mut self) {
-        (self.unframed, self.named) = (0, false);
+        (self.unframed, self.is_reported) = (0, false);
     }
 
     /// These bytes belong to no frame.
-    pub fn passed(&mut self, bytes: usize) {
+    pub fn skipped(&mut self, bytes: usize) {
         self.unframed = self.unframed.saturating_add(bytes as u64);
-        self.named |= self.is_hopeless();
+        self.is_reported |= self.is_mismatched();
     }
 
     /// Whether the data do not match the expected format.
-    pub fn is_hopeless(&self) -> bool {
+    pub fn is_mismatched(&self) -> bool {
         self.unframed >= self.limit
     }
 
     /// The device is addressed again: restarts the count, but keeps the fault until a frame arrives.
-    pub fn hope_again(&mut self) {
+    pub fn restart_count(&mut self) {
         self.unframed = 0;
     }
 
     /// The fault as text, with the remedy.
     pub fn diagnostic(&self) -> Option<String> {
         let Framing { device, usual, baud, limit, .. } = self;
-        self.named.then(|| {
+        self.is_reported.then(|| {
             format!(
                 "bytes come, but none of the last {limit} make a frame of {device}: is the line's speed right? It is {baud} \
                  baud, {device} usually has {usual} ([ground.serial] baud); if it is, look for another device on this \
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_missing_shows_in_the_room_and_beyond_some_frames_in_the_time() {
+    fn missing_frames_follow_from_skipped_bytes_or_from_a_longer_time() {
         let ms = |ms: u64| ms * 1_000_000;
         assert_eq!([0, 11, 12, 24, 50].map(|bytes| missing(bytes, 24, ms(10), 100.0)), [0, 0, 1, 1, 2]);
         // One frame was damaged and the next arrives late: up to four frames of delay may be latency.
@@ -88,21 +88,21 @@ mod tests {
     }
 
     #[test]
-    fn noise_between_frames_is_none_and_noise_alone_is_named_until_a_frame_comes() {
+    fn bytes_without_any_frame_are_reported_until_a_frame_arrives() {
         let mut framing = Framing::new("a plate", 24, 9600, "57600");
         for _ in 0..1000 {
-            framing.passed(23);
+            framing.skipped(23);
             framing.frame();
         }
         assert_eq!(framing.diagnostic(), None);
-        framing.passed(511);
+        framing.skipped(511);
         assert_eq!(framing.diagnostic(), None);
-        framing.passed(1);
-        let said = framing.diagnostic().unwrap();
-        assert!(said.contains("none of the last 512 make a frame of a plate"), "{said}");
-        assert!(said.contains("It is 9600 baud, a plate usually has 57600"), "{said}");
-        framing.hope_again();
-        assert!(framing.diagnostic().is_some() && !framing.is_hopeless());
+        framing.skipped(1);
+        let diagnostic = framing.diagnostic().unwrap();
+        assert!(diagnostic.contains("none of the last 512 make a frame of a plate"), "{diagnostic}");
+        assert!(diagnostic.contains("It is 9600 baud, a plate usually has 57600"), "{diagnostic}");
+        framing.restart_count();
+        assert!(framing.diagnostic().is_some() && !framing.is_mismatched());
         framing.frame();
         assert_eq!(framing.diagnostic(), None);
     }

@@ -6,7 +6,7 @@ mod mean;
 
 use self::mean::{Decimator, Mean};
 use super::{Action, GroundDevice};
-use crate::ground::plan::{DeviceChannel, Fitted, Plan, Whose};
+use crate::ground::plan::{DeviceChannel, Plan, ResolvedPlan, Wording};
 use crate::ground::reading::{Decoded, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::labamp::talk::{Metadata, Signal};
@@ -21,7 +21,7 @@ const RATES_HZ: core::ops::RangeInclusive<f64> = 0.01..=1e7;
 /// Silence after which the stream has ended; frames normally arrive every few tenths of a second.
 const SILENCE_NS: u64 = 3_000_000_000;
 
-const WHOSE: Whose = Whose {
+const WORDING: Wording = Wording {
     device: "Kistler's LabAmp",
     section: "ground.labamp",
     missing: "switch it on for DAQ on the device's page",
@@ -67,7 +67,7 @@ enum Phase {
 #[derive(Debug, Clone)]
 struct Frames {
     deframer: Deframer,
-    fitted: Fitted,
+    fitted: ResolvedPlan,
     rate_hz: f64,
     decimator: Decimator,
     sequence: Option<u32>,
@@ -92,7 +92,7 @@ impl LabAmp {
                          rate on the device's page"
                     ));
                 }
-                let fitted = self.settings.plan.fit(&channels_of_device(&metadata.signals), WHOSE)?;
+                let fitted = self.settings.plan.fit(&channels_of_device(&metadata.signals), WORDING)?;
                 Ok((fitted, rate_hz))
             });
         match fitted {

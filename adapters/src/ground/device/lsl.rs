@@ -4,7 +4,7 @@
 //! Sample times are the sender's: their offset and drift are estimated from the earliest arrivals, as for every device.
 
 use super::{Action, GroundDevice};
-use crate::ground::plan::{DeviceChannel, Fitted, Plan, Whose};
+use crate::ground::plan::{DeviceChannel, Plan, ResolvedPlan, Wording};
 use crate::ground::reading::{Decoded, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::lsl::{Feed, Item, StreamInfo, feed_request};
@@ -21,7 +21,7 @@ const TIME_MAX_S: f64 = 1e10;
 /// Accepted nominal rates of a stream, Hz.
 const RATES_HZ: core::ops::RangeInclusive<f64> = 0.01..=1e7;
 
-const WHOSE: Whose = Whose {
+const WORDING: Wording = Wording {
     device: "the stream",
     section: "ground.lsl",
     missing: "the stream's own description names its channels, or they are counted from 1",
@@ -63,7 +63,7 @@ struct Samples {
     info: StreamInfo,
     asked: bool,
     feed: Feed,
-    fitted: Fitted,
+    fitted: ResolvedPlan,
     period_ns: u64,
     newest_ns: Option<u64>,
     count: u32,
@@ -89,7 +89,7 @@ impl Lsl {
                     ));
                 }
                 let units = [force_unit.as_deref(), moment_unit.as_deref()];
-                let fitted = plan.fit_with(&channels_of_device(&info), WHOSE, units)?;
+                let fitted = plan.fit_with(&channels_of_device(&info), WORDING, units)?;
                 Ok((info, fitted))
             });
         match fitted {

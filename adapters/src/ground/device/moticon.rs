@@ -8,7 +8,7 @@
 
 use super::text::{Column, Framing, Text, TextSettings, Validator};
 use super::{Action, GroundDevice};
-use crate::ground::channels::{ChannelFault, Channels, Sole};
+use crate::ground::channels::{ChannelFault, Channels, Insole};
 use crate::ground::reading::Decoded;
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
@@ -136,7 +136,7 @@ impl Moticon {
             fields.extend((1..=PRESSURES).filter_map(|sensor| place(&format!("{side}_pressure_{sensor}"))));
             *to = fields.len();
         }
-        let channels = Channels::soles(fields.len(), settings.soles())?;
+        let channels = Channels::insoles(fields.len(), settings.insoles())?;
         let form = LineForm {
             delimiter: Delimiter::Spaces,
             decimal: Decimal::Point,
@@ -160,10 +160,10 @@ impl Moticon {
 
 impl MoticonSettings {
     /// Left, right; force, x and y of each foot are consecutive channels.
-    fn soles(&self) -> [Sole; 2] {
+    fn insoles(&self) -> [Insole; 2] {
         let x_m = if self.x_to_tip { self.length_m } else { -self.length_m };
         let left_is_up = self.y.left_is_up();
-        [0, 1].map(|side| Sole {
+        [0, 1].map(|side| Insole {
             vertical: 3 * side,
             cop: [3 * side + 1, 3 * side + 2],
             newtons_per_unit: 1.0,

@@ -5,7 +5,7 @@
 
 mod dialogue;
 
-use self::dialogue::{Dialogue, Known, Next};
+use self::dialogue::{Dialogue, DialogueResult, Next};
 use super::{Action, GroundDevice};
 use crate::ground::frame::Wrench;
 use crate::ground::reading::{Decoded, Load, Reading, Tick};
@@ -35,8 +35,8 @@ pub struct TecGihanSettings {
 pub struct TecGihan {
     settings: TecGihanSettings,
     phase: Phase,
-    /// Refusals found while no bytes arrived; counted with the next bytes.
-    owed: Owed,
+    /// Refusals and losses detected while no bytes arrived; counted with the next bytes.
+    deferred: Deferred,
     surface: Option<String>,
     diagnostic: Option<String>,
 }
@@ -63,7 +63,7 @@ struct Blocks {
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-struct Owed {
+struct Deferred {
     incomplete: bool,
     lost: u32,
 }
@@ -74,7 +74,7 @@ impl TecGihan {
         TecGihan {
             settings,
             phase: Phase::Talking(Dialogue::new(settings)),
-            owed: Owed::default(),
+            deferred: Deferred::default(),
             surface: None,
             diagnostic: None,
         }
@@ -85,11 +85,11 @@ impl TecGihan {
         self.phase = Phase::Talking(Dialogue::new(self.settings));
     }
 
-    fn began(&mut self, known: &Known, now_ns: u64) {
-        let size = block_size(known.plates, self.settings.rate);
-        self.surface = known.surface_height_m.and_then(|metres| self.other_surface(metres));
+    fn start_measuring(&mut self, result: &DialogueResult, now_ns: u64) {
+        let size = block_size(result.plates, self.settings.rate);
+        self.surface = result.surface_height_m.and_then(|metres| self.other_surface(metres));
         self.phase = Phase::Measuring(Blocks {
-            scales: known.scales,
+            scales: result.scales,
             size,
             block: Vec::with_capacity(size),
             since_ns: now_ns,
@@ -160,10 +160,10 @@ impl GroundDevice for TecGihan {
     }
 
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
-        if core::mem::take(&mut self.owed.incomplete) {
+        if core::mem::take(&mut self.deferred.incomplete) {
             decoded.refuse(GroundRefusal::Incomplete);
         }
-        match core::mem::take(&mut self.owed.lost) {
+        match core::mem::take(&mut self.deferred.lost) {
             0 => {}
             lost => decoded.lost(lost),
         }
@@ -179,7 +179,7 @@ impl GroundDevice for TecGihan {
                 "the controller sent {what}: it is stopped and started again; check the cable, and that the line has \
                  RTS/CTS"
             ));
-            self.owed = Owed { incomplete: partly, lost: self.settings.rate.block_samples };
+            self.deferred = Deferred { incomplete: partly, lost: self.settings.rate.block_samples };
             self.restart_block();
         }
         match &mut self.phase {
@@ -191,8 +191,8 @@ impl GroundDevice for TecGihan {
             Phase::Talking(dialogue) => match dialogue.next(now_ns) {
                 Next::Wait => Action::Nothing,
                 Next::Say(line) => Action::Send(line.to_bytes()),
-                Next::Start(known) => {
-                    self.began(&known, now_ns);
+                Next::Start(result) => {
+                    self.start_measuring(&result, now_ns);
                     Action::Send(Line::Start.to_bytes())
                 }
                 Next::GiveUp(why) => {

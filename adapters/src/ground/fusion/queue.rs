@@ -18,7 +18,7 @@ pub(super) struct Partners {
 
 /// Result for the second device at a given time.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Found {
+pub(super) enum PartnerLookup {
     /// The interpolated sample.
     Partner(GroundSample),
     /// Not available yet.
@@ -52,21 +52,21 @@ impl Partners {
     }
 
     /// The sample at a time. Requested times must not decrease: older samples are discarded.
-    pub(super) fn at(&mut self, time_ns: u64) -> Found {
+    pub(super) fn at(&mut self, time_ns: u64) -> PartnerLookup {
         while self.samples.get(1).is_some_and(|next| next.sample_time_ns <= time_ns) {
             self.samples.pop_front();
         }
-        let Some(earlier) = self.samples.front() else { return Found::NotYet };
+        let Some(earlier) = self.samples.front() else { return PartnerLookup::NotYet };
         let after_ns = match time_ns.checked_sub(earlier.sample_time_ns) {
-            None => return Found::Nothing,
-            Some(0) => return Found::Partner(*earlier),
+            None => return PartnerLookup::Nothing,
+            Some(0) => return PartnerLookup::Partner(*earlier),
             Some(after_ns) => after_ns,
         };
-        let Some(later) = self.samples.get(1) else { return Found::NotYet };
+        let Some(later) = self.samples.get(1) else { return PartnerLookup::NotYet };
         let span_ns = later.sample_time_ns - earlier.sample_time_ns;
         if span_ns > GAP_MAX_NS {
-            return Found::Nothing;
+            return PartnerLookup::Nothing;
         }
-        Found::Partner(earlier.between(later, after_ns as f64 / span_ns as f64))
+        PartnerLookup::Partner(earlier.between(later, after_ns as f64 / span_ns as f64))
     }
 }

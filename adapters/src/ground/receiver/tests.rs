@@ -3,17 +3,17 @@ use crate::ground::frame::Wrench;
 
 const MS: u64 = 1_000_000;
 
-fn reading(force_n: f64, sequence: Option<u32>) -> Found {
+fn reading(force_n: f64, sequence: Option<u32>) -> DecoderEvent {
     let tick = sequence.map_or(Tick::Uncounted, Tick::Counter);
     let load = Load::Wrench(Wrench { force_n: [0.0, 0.0, force_n], moment_nm: [0.0; 3] });
-    Found::Reading(Reading { sequence, tick, device_counter: 0, status: 0, load })
+    DecoderEvent::Reading(Reading { sequence, tick, device_counter: 0, status: 0, load })
 }
 
 /// One delivery every 10 ms.
-fn run(found: impl IntoIterator<Item = Found>) -> (Vec<GroundSample>, GroundReceiver) {
+fn run(events: impl IntoIterator<Item = DecoderEvent>) -> (Vec<GroundSample>, GroundReceiver) {
     let (mut receiver, mut samples) = (GroundReceiver::new(GroundSettings::default()), Vec::new());
-    for (index, found) in found.into_iter().enumerate() {
-        let mut decoded = Decoded { found: vec![found], block_latency_ns: None };
+    for (index, event) in events.into_iter().enumerate() {
+        let mut decoded = Decoded { events: vec![event], block_latency_ns: None };
         receiver.receive(&mut decoded, 1000 * MS + index as u64 * 10 * MS, &mut samples);
     }
     (samples, receiver)

@@ -75,7 +75,7 @@ impl Number {
 
 /// Position of a number in a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Place {
+pub struct NumberPosition {
     /// Its first byte; negative values count from the frame's end.
     pub at: i32,
     /// Its type.
@@ -86,17 +86,17 @@ pub struct Place {
     pub mask: u64,
 }
 
-impl Place {
+impl NumberPosition {
     /// A number without a mask.
-    pub fn new(at: i32, number: Number, endian: Endian) -> Place {
-        Place { at, number, endian, mask: u64::MAX }
+    pub fn new(at: i32, number: Number, endian: Endian) -> NumberPosition {
+        NumberPosition { at, number, endian, mask: u64::MAX }
     }
 
     /// The same, shifted by this many bytes.
-    pub fn moved(self, bytes: usize) -> Option<Place> {
+    pub fn moved(self, bytes: usize) -> Option<NumberPosition> {
         let at = self.at.checked_add(i32::try_from(bytes).ok()?)?;
         // A position relative to the end cannot move past the end.
-        (self.at >= 0 || at < 0).then_some(Place { at, ..self })
+        (self.at >= 0 || at < 0).then_some(NumberPosition { at, ..self })
     }
 
     /// The bytes in a frame of this length; `None` if they are not all in it.

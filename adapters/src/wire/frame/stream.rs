@@ -1,16 +1,16 @@
 //! Extracts frames from a stream, independently of its division into pieces.
 
-use super::{FrameForm, Look};
+use super::{FrameForm, FrameMatch};
 
 /// The next element of a stream.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Found<'a> {
+pub enum StreamElement<'a> {
     /// A frame.
     Frame(&'a [u8]),
     /// A valid frame of another kind.
     Other,
     /// Bytes that are no part of a frame; a frame or more such bytes follow.
-    Passed {
+    Skipped {
         /// Their count.
         bytes: usize,
         /// Whether they began like a frame whose checksum does not match.
@@ -56,26 +56,26 @@ impl Frames {
     }
 
     /// The next element; `None` if more bytes are needed. At most one frame remains buffered.
-    pub fn advance(&mut self) -> Option<Found<'_>> {
+    pub fn advance(&mut self) -> Option<StreamElement<'_>> {
         let Frames { form, bytes, read } = self;
         let begin = *read;
         loop {
             let rest = bytes.get(*read..).unwrap_or_default();
-            let passed = *read - begin;
-            match form.look(rest) {
-                Look::Nothing => *read += 1,
-                Look::Frame(frame) if passed == 0 => {
+            let skipped = *read - begin;
+            match form.match_start(rest) {
+                FrameMatch::Nothing => *read += 1,
+                FrameMatch::Frame(frame) if skipped == 0 => {
                     *read += frame.len();
-                    return Some(Found::Frame(frame));
+                    return Some(StreamElement::Frame(frame));
                 }
-                Look::Other(frame) if passed == 0 => {
+                FrameMatch::Other(frame) if skipped == 0 => {
                     *read += frame.len();
-                    return Some(Found::Other);
+                    return Some(StreamElement::Other);
                 }
                 // The data after the skipped bytes are read in the next call.
-                Look::Frame(_) | Look::Other(_) | Look::TooFew => {
+                FrameMatch::Frame(_) | FrameMatch::Other(_) | FrameMatch::TooFew => {
                     let damaged = form.begins_damaged(bytes.get(begin..).unwrap_or_default());
-                    return (passed > 0).then_some(Found::Passed { bytes: passed, damaged });
+                    return (skipped > 0).then_some(StreamElement::Skipped { bytes: skipped, damaged });
                 }
             }
         }

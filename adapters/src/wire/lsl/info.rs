@@ -66,15 +66,15 @@ impl StreamInfo {
     /// # Errors
     /// [`InfoFault`].
     pub fn parse(xml: &str) -> Result<StreamInfo, InfoFault> {
-        let mut found = Found::default();
-        read(xml, &mut |path, text| found.take(path, text))?;
-        found.finish()
+        let mut raw = RawInfo::default();
+        read(xml, &mut |path, text| raw.take(path, text))?;
+        raw.finish()
     }
 }
 
 /// The fields as in the document.
 #[derive(Debug, Default)]
-struct Found {
+struct RawInfo {
     name: String,
     kind: String,
     source_id: String,
@@ -89,7 +89,7 @@ struct Found {
     open: Channel,
 }
 
-impl Found {
+impl RawInfo {
     /// Processes an element's end, with the path of element names and its text.
     fn take(&mut self, path: &[String], text: &str) {
         let path: Vec<&str> = path.iter().map(String::as_str).collect();

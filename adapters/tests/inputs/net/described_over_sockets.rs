@@ -12,7 +12,7 @@ use equipoise_adapters::ground::device::text::{Column, Framing, Text, TextSettin
 use equipoise_adapters::ground::{Channels, GroundDevice, GroundSettings};
 use equipoise_adapters::source::udp::Senders;
 use equipoise_adapters::source::{GroundSource, TcpLine, Transport, UdpLine};
-use equipoise_adapters::wire::frame::{Endian, FrameForm, Length, Number, Place};
+use equipoise_adapters::wire::frame::{Endian, FrameForm, Length, Number, NumberPosition};
 use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
 use equipoise_core::message::GroundSample;
 use equipoise_simulator::ports::free_address;
@@ -122,7 +122,7 @@ fn lines_over_tcp_are_samples_and_a_connection_that_breaks_is_made_again() {
 fn a_described_device_gets_its_start_and_stop_commands() {
     let device = UdpSocket::bind("127.0.0.1:0").unwrap();
     device.set_read_timeout(Some(PATIENCE)).unwrap();
-    let place = |at, number| Place::new(at, number, Endian::Big);
+    let place = |at, number| NumberPosition::new(at, number, Endian::Big);
     let settings = BinarySettings {
         form: FrameForm { sync: vec![], length: Length::Fixed(6), tags: vec![], kind: None, checksum: None },
         datagrams: true,

@@ -6,7 +6,7 @@ use equipoise_bus::parse_text;
 use equipoise_core::body::Joint;
 use equipoise_core::handover::Infeasible;
 use equipoise_core::handover::experience::LimitRatio;
-use equipoise_core::handover::search::Place;
+use equipoise_core::handover::search::PlacePrediction;
 use equipoise_core::message::handover::{CurrentFrame, CurrentStatus, HandoverRefusal};
 use equipoise_core::message::{HandoverPlan, HandoverRequest, Validity};
 
@@ -48,7 +48,7 @@ pub(super) fn plan(station: &str, id: &str, arguments: &HandoverArguments) -> an
         Some(CurrentStatus::None) | None => None,
     };
     Ok(Plan {
-        best: Place {
+        best: PlacePrediction {
             place_m: plan.place_m.into(),
             position_m: plan.position_m.into(),
             slope_rad: Some(plan.slope_rad),

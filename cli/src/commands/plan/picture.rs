@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use equipoise_core::handover::search::{Place, REGION_M, SPACING_M};
+use equipoise_core::handover::search::{PlacePrediction, REGION_M, SPACING_M};
 use equipoise_core::overload::Level;
 use equipoise_view::levels::LevelStyle;
 
@@ -10,7 +10,7 @@ use equipoise_view::levels::LevelStyle;
 const CELL: f64 = 44.0;
 const MARGIN: [f64; 2] = [70.0, 60.0];
 
-pub(super) fn svg(map: &[Place], best: &Place, mass_kg: f64, subject: &str) -> String {
+pub(super) fn svg(map: &[PlacePrediction], best: &PlacePrediction, mass_kg: f64, subject: &str) -> String {
     let [[x_min, x_max], _, [z_min, z_max]] = REGION_M;
     let cells = |low: f64, high: f64| ((high - low) / SPACING_M).round() + 1.0;
     let (width, height) = (cells(x_min, x_max) * CELL, cells(z_min, z_max) * CELL);

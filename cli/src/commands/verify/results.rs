@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use equipoise_adapters::calibration::verify::Placed;
-use equipoise_adapters::calibration::verify::places::{Geometry, Known, geometry};
+use equipoise_adapters::calibration::verify::places::{Estimate, Geometry, geometry};
 use equipoise_adapters::calibration::verify::rod::Tip;
 use equipoise_adapters::ground::GroundFrame;
 use serde_json::{Value, json};
@@ -112,7 +112,7 @@ impl MassResult {
 }
 
 fn write_geometry(text: &mut String, found: &Geometry) {
-    let line = |text: &mut String, what: &str, estimate: Known, scale: f64, unit: &str| {
+    let line = |text: &mut String, what: &str, estimate: Estimate, scale: f64, unit: &str| {
         let is_significant = estimate.value.abs() > 2.0 * estimate.sigma;
         let verdict = if is_significant { "" } else { "   (nothing to see)" };
         let _ = writeln!(
@@ -131,7 +131,7 @@ fn write_geometry(text: &mut String, found: &Geometry) {
 }
 
 fn geometry_json(found: &Geometry) -> Value {
-    let estimate = |estimate: Known| json!({ "value": estimate.value, "sigma": estimate.sigma });
+    let estimate = |estimate: Estimate| json!({ "value": estimate.value, "sigma": estimate.sigma });
     json!({
         "scale_x": estimate(found.scale_x), "scale_y": estimate(found.scale_y),
         "turned_rad": estimate(found.turned_rad),

@@ -137,16 +137,16 @@ impl fmt::Display for HandoverResult {
         write!(
             f,
             "{}  {ratio:3.0} ± {sigma:.0} % ({real:.0} %)  {}",
-            Place(self.place_m, self.slope_rad),
+            PartPose(self.place_m, self.slope_rad),
             self.joint
         )
     }
 }
 
-/// A place and the slope of the handles in words.
-struct Place([f64; 3], Option<f64>);
+/// Formats the position of a part and the slope of its handles.
+struct PartPose([f64; 3], Option<f64>);
 
-impl fmt::Display for Place {
+impl fmt::Display for PartPose {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [x, y, z] = self.0;
         write!(f, "{x:.2} m forward, {y:5.2} m left, {z:.2} m up, ")?;
@@ -160,7 +160,11 @@ impl fmt::Display for Place {
 impl fmt::Display for PlanResult {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [ratio, sigma] = self.limit_ratio.map(|ratio| 100.0 * ratio);
-        write!(f, "{}  {ratio:3.0} ± {sigma:.0} % predicted", Place(self.position_m, Some(self.slope_rad)))?;
+        write!(
+            f,
+            "{}  {ratio:3.0} ± {sigma:.0} % predicted",
+            PartPose(self.position_m, Some(self.slope_rad))
+        )?;
         if let Some(fixed) = self.fixed_limit_ratio {
             let [ratio, sigma] = fixed.map(|ratio| 100.0 * ratio);
             write!(f, ", {ratio:.0} ± {sigma:.0} % at the fixed place")?;

@@ -1,6 +1,6 @@
 //! Check boxes of MVN's Network Streamer, one for each type of datagram.
 
-use equipoise_adapters::suit::survey::{Character, TypeSeen};
+use equipoise_adapters::suit::survey::{Character, TypeCounts};
 use equipoise_adapters::wire::mvn::DatagramType;
 
 use super::super::Check;
@@ -97,7 +97,7 @@ pub(super) fn evaluate(character: &Character, seconds: f64) -> Vec<Check> {
 }
 
 impl DataType {
-    fn evaluate(&self, character: &Character, stream: Option<&TypeSeen>, seconds: f64) -> Option<Check> {
+    fn evaluate(&self, character: &Character, stream: Option<&TypeCounts>, seconds: f64) -> Option<Check> {
         let DataType { title, label, .. } = *self;
         let has_quaternions = character.of(DatagramType::POSE_QUATERNION).is_some();
         let tick = |reason: &str| format!("tick the box \"{label}\"{reason}");
@@ -135,7 +135,7 @@ impl DataType {
         })
     }
 
-    fn superfluous(&self, stream: &TypeSeen, reason: &str, seconds: f64) -> Check {
+    fn superfluous(&self, stream: &TypeCounts, reason: &str, seconds: f64) -> Check {
         let found = format!("sent, {:.0} kB/s; {reason}", stream.bytes as f64 / seconds / 1e3);
         Check {
             fix: Some(format!("the box \"{}\" may be unticked", self.label)),
@@ -144,7 +144,7 @@ impl DataType {
     }
 
     /// Observed amount of data.
-    fn amount(&self, character: &Character, stream: &TypeSeen) -> String {
+    fn amount(&self, character: &Character, stream: &TypeCounts) -> String {
         match self.kind {
             DatagramType::SCALE => {
                 let (segments, points) = character.null_pose();

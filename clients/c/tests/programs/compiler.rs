@@ -29,7 +29,7 @@ fn of(ending: &str) -> (Command, &'static str) {
 }
 
 /// Whether the compiler for this file extension exists.
-pub(crate) fn is_there(ending: &str) -> bool {
+pub(crate) fn is_installed(ending: &str) -> bool {
     of(ending).0.arg("--version").output().is_ok_and(|ended| ended.status.success())
 }
 
@@ -60,7 +60,7 @@ pub(crate) fn compile(source: &Path, link: Link, scratch: &Path) -> PathBuf {
 }
 
 /// Standard output of a program that must succeed.
-pub(crate) fn said(ended: &Output) -> String {
+pub(crate) fn stdout_of(ended: &Output) -> String {
     let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
     assert!(ended.status.success(), "out: {out} err: {err}");
     out.into_owned()

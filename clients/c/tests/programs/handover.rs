@@ -139,7 +139,7 @@ impl Drop for Replay {
 fn cpp_program() -> Option<&'static Path> {
     static PROGRAM: OnceLock<Option<PathBuf>> = OnceLock::new();
     let program = PROGRAM.get_or_init(|| {
-        if !compiler::is_there("cpp") {
+        if !compiler::is_installed("cpp") {
             eprintln!("skipped: no compiler of C++ (CXX, or c++)");
             return None;
         }
@@ -269,7 +269,7 @@ fn both_decisions_match_the_test_vectors() {
 
 #[test]
 fn cpp_reads_numbers_in_a_locale_with_a_decimal_comma() {
-    if !compiler::is_there("cpp") {
+    if !compiler::is_installed("cpp") {
         eprintln!("skipped: no compiler of C++ (CXX, or c++)");
         return;
     }

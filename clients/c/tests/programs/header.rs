@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 use std::mem::offset_of;
 use std::process::Command;
 
-use crate::compiler::{Link, compile, said};
+use crate::compiler::{Link, compile, stdout_of};
 use crate::flag_sets;
 use crate::names::constant_case;
 
@@ -131,7 +131,7 @@ fn the_header_says_what_the_library_is() {
     let source = scratch.path().join("facts.c");
     std::fs::write(&source, program).unwrap();
     let compiled = compile(&source, Link::Static, scratch.path());
-    let printed = said(&Command::new(compiled).output().unwrap());
+    let printed = stdout_of(&Command::new(compiled).output().unwrap());
     let wrong: Vec<String> = printed
         .lines()
         .zip(&facts)

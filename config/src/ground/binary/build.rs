@@ -2,7 +2,9 @@
 
 use equipoise_adapters::ground::device::binary::{BinarySettings, Count, Field, Scans, Time};
 use equipoise_adapters::wire::checksum::{Checksum, NAMES};
-use equipoise_adapters::wire::frame::{Endian, FormFault, FrameForm, Length, Number, Place, Summed, Tag};
+use equipoise_adapters::wire::frame::{
+    ChecksumField, Endian, FormFault, FrameForm, Length, Number, NumberPosition, Tag,
+};
 use toml::Spanned;
 
 use super::{
@@ -28,7 +30,7 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Descript
     let datagrams = config.transport == TransportKind::Udp;
     let form = form(config, datagrams)?;
     check_numbering(config)?;
-    let within = |name: &str, place: Place| {
+    let within = |name: &str, place: NumberPosition| {
         form.check_place(place)
             .map(|()| place)
             .map_err(|fault| DescriptionError::new(key(name), fault.to_string()))
@@ -163,7 +165,7 @@ fn form(config: &BinaryConfig, datagrams: bool) -> Result<FrameForm, Description
     Ok(form)
 }
 
-fn summed(crc: &CrcConfig, endian: EndianConfig) -> Result<Summed, DescriptionError> {
+fn summed(crc: &CrcConfig, endian: EndianConfig) -> Result<ChecksumField, DescriptionError> {
     let CrcConfig { name, from, to, at, endian: own } = crc;
     let Some(checksum) = Checksum::named(name) else {
         let hint = nearest(name, NAMES.iter().flat_map(|names| names.iter().copied()));
@@ -172,7 +174,7 @@ fn summed(crc: &CrcConfig, endian: EndianConfig) -> Result<Summed, DescriptionEr
             format!("no checksum that is offered is called `{name}`{hint}"),
         ));
     };
-    Ok(Summed { checksum, from: *from, to: *to, at: *at, endian: own.unwrap_or(endian).into() })
+    Ok(ChecksumField { checksum, from: *from, to: *to, at: *at, endian: own.unwrap_or(endian).into() })
 }
 
 fn scans(config: &BinaryConfig, form: &FrameForm) -> Result<Scans, DescriptionError> {
@@ -208,7 +210,7 @@ fn fields(config: &BinaryConfig, form: &FrameForm) -> Result<Vec<Field>, Descrip
 
 /// Whether two numbers certainly have common bits: in frames of any length, positions from the beginning and from the end
 /// cannot be compared, nor masks of numbers that only overlap.
-fn have_common_bits(form: &FrameForm, one: Place, other: Place) -> bool {
+fn have_common_bits(form: &FrameForm, one: NumberPosition, other: NumberPosition) -> bool {
     let (Some(bytes), Some(of_other)) = (one.range(form.most()), other.range(form.most())) else {
         return false;
     };
@@ -252,18 +254,21 @@ fn field(
     Ok(Field { place, scale: *scale, per: *per, offset: *offset })
 }
 
-fn place(at: i32, number: NumberType, mask: Option<u32>, endian: EndianConfig) -> Place {
-    Place { mask: mask.map_or(u64::MAX, u64::from), ..Place::new(at, number.into(), endian.into()) }
+fn place(at: i32, number: NumberType, mask: Option<u32>, endian: EndianConfig) -> NumberPosition {
+    NumberPosition {
+        mask: mask.map_or(u64::MAX, u64::from),
+        ..NumberPosition::new(at, number.into(), endian.into())
+    }
 }
 
 /// Whether the mask has no bits beyond the number, which are never set: a status would report no fault.
-fn has_its_bits_only(place: Place) -> bool {
+fn has_its_bits_only(place: NumberPosition) -> bool {
     let beyond = place.mask.checked_shr(8 * place.number.bytes() as u32).unwrap_or(0);
     // All bits: there is no mask.
     place.mask == u64::MAX || beyond == 0
 }
 
-fn unsigned(name: &str, place: Place) -> Result<Place, DescriptionError> {
+fn unsigned(name: &str, place: NumberPosition) -> Result<NumberPosition, DescriptionError> {
     if place.number.is_unsigned() && place.mask != 0 && has_its_bits_only(place) {
         return Ok(place);
     }

@@ -1,7 +1,7 @@
 //! `[ground.channels.insoles]`: insoles of any make.
 
 use equipoise_adapters::ground::Channels;
-use equipoise_adapters::ground::channels::Sole;
+use equipoise_adapters::ground::channels::Insole;
 use equipoise_adapters::ground::device::moticon::Sideways;
 use serde::{Deserialize, Serialize};
 
@@ -98,9 +98,9 @@ pub(super) fn channels(config: &InsolesConfig, names: &mut Names<'_>) -> Result<
     };
     let left_is_up = Sideways::from(config.y_to).left_is_up();
     let x_m = if config.x_to == TowardsX::Tip { length_m } else { -length_m };
-    let mut sole = |side: usize, name: &str| -> Result<Sole, DescriptionError> {
+    let mut sole = |side: usize, name: &str| -> Result<Insole, DescriptionError> {
         let mut find = |what: &str| names.find(&format!("{name}_{what}"), key);
-        Ok(Sole {
+        Ok(Insole {
             vertical: find("force")?,
             cop: [find("cop_x")?, find("cop_y")?],
             newtons_per_unit: config.force.newtons(),
@@ -108,7 +108,7 @@ pub(super) fn channels(config: &InsolesConfig, names: &mut Names<'_>) -> Result<
         })
     };
     let soles = [sole(0, "left")?, sole(1, "right")?];
-    Channels::soles(names.count(), soles).map_err(super::fault("soles"))
+    Channels::insoles(names.count(), soles).map_err(super::fault("soles"))
 }
 
 /// Checks that the size is that of a foot.

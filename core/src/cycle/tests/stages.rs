@@ -1,4 +1,4 @@
-//! Stages by themselves: each depends on its arguments and its own state only.
+//! Unit tests of single stages.
 
 use super::*;
 use crate::cycle::align::AlignState;
@@ -16,7 +16,7 @@ use crate::static_pose::{WINDOW, Window};
 const PERIOD_NS: u64 = 10_000_000;
 
 /// A subject with bone lengths and a mass, who stands on the plate, and the state of every stage.
-struct Rig {
+struct StageFixture {
     settings: Settings,
     person: Person,
     streams: Streams,
@@ -32,15 +32,15 @@ struct Rig {
     shear_n: f64,
 }
 
-impl Rig {
-    fn new() -> Rig {
+impl StageFixture {
+    fn new() -> StageFixture {
         let settings = Settings {
             sex: crate::body::Sex::Male,
             mass_kg: Some(MASS_KG),
             ..Settings::for_height(HEIGHT_M)
         };
         let person = Person::real();
-        Rig {
+        StageFixture {
             subject: filter_updates::subject(&person, &settings),
             settings,
             person,
@@ -126,16 +126,16 @@ const WEIGHT_N: f64 = MASS_KG * GRAVITY_M_PER_S2;
 
 #[test]
 fn a_silent_ground_holds_its_last_reading_and_is_stale() {
-    let mut rig = Rig::new();
-    let (_, before) = rig.measured(Some(WEIGHT_N));
+    let mut fixture = StageFixture::new();
+    let (_, before) = fixture.measured(Some(WEIGHT_N));
     assert_eq!(before.invalid, Validity::default());
     assert_eq!(before.standing_m, Some([0.05, 0.0]));
     for _ in 0..8 {
-        rig.measured(Some(WEIGHT_N));
+        fixture.measured(Some(WEIGHT_N));
     }
-    let mut last = rig.measured(None).1;
+    let mut last = fixture.measured(None).1;
     for _ in 0..8 {
-        last = rig.measured(None).1;
+        last = fixture.measured(None).1;
     }
     assert_eq!(last.reading.force_n, before.reading.force_n);
     assert_eq!(last.standing_m, None);
@@ -144,56 +144,70 @@ fn a_silent_ground_holds_its_last_reading_and_is_stale() {
 
 #[test]
 fn an_implausible_ground_has_a_reading_and_no_standing_subject() {
-    let mut rig = Rig::new();
-    let (instant, _) = rig.measured(Some(WEIGHT_N));
-    rig.streams.ground_suspect.add(instant.snapshot.time_ns, instant.snapshot.time_ns + NS_PER_S);
-    let (_, ground) = rig.measured(Some(WEIGHT_N));
+    let mut fixture = StageFixture::new();
+    let (instant, _) = fixture.measured(Some(WEIGHT_N));
+    fixture.streams.ground_suspect.add(instant.snapshot.time_ns, instant.snapshot.time_ns + NS_PER_S);
+    let (_, ground) = fixture.measured(Some(WEIGHT_N));
     assert!(ground.is_suspect() && ground.is_implausible() && ground.standing_m.is_none());
     assert_eq!(ground.reading.force_n[2], WEIGHT_N);
 }
 
 #[test]
 fn a_pose_is_static_once_the_window_is_full_and_not_without_a_standing_subject() {
-    let mut rig = Rig::new();
+    let mut fixture = StageFixture::new();
     let mut still = false;
     for _ in 0..2 * WINDOW {
-        still = rig.predicted(Some(WEIGHT_N)).2.is_static;
+        still = fixture.predicted(Some(WEIGHT_N)).2.is_static;
     }
-    assert!(still && rig.window.is_full());
+    assert!(still && fixture.window.is_full());
     for _ in 0..10 {
-        still = rig.predicted(None).2.is_static;
+        still = fixture.predicted(None).2.is_static;
     }
-    assert!(!still && !rig.window.is_full());
+    assert!(!still && !fixture.window.is_full());
 }
 
 #[test]
 fn a_load_is_the_force_beyond_the_prediction_and_unknown_while_a_sensor_is_implausible() {
-    let mut rig = Rig::new();
+    let mut fixture = StageFixture::new();
     for (added_n, expected) in [(0.0, Validity::BELOW_LOAD_THRESHOLD), (60.0, Validity::default())] {
         for _ in 0..20 {
-            rig.predicted(Some(WEIGHT_N + added_n));
+            fixture.predicted(Some(WEIGHT_N + added_n));
         }
-        let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N + added_n));
-        let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
-        let estimate = estimate_cop(&rig.settings, &instant, &prediction, subject);
+        let (instant, ground, _, prediction) = fixture.predicted(Some(WEIGHT_N + added_n));
+        let subject = weigh(&fixture.settings, &mut fixture.subject, &instant, &ground, &prediction);
+        let estimate = estimate_cop(&fixture.settings, &instant, &prediction, subject);
         let subject = update_from_static_pose(
-            &rig.settings,
-            &mut rig.subject,
-            &rig.window,
+            &fixture.settings,
+            &mut fixture.subject,
+            &fixture.window,
             &instant,
             &ground,
             &prediction,
             &estimate,
         );
-        let result =
-            overload(&rig.settings, &mut rig.load, &instant, &ground, &prediction, &estimate, subject);
-        let found = result.unwrap();
+        let loading = overload(
+            &fixture.settings,
+            &mut fixture.load,
+            &instant,
+            &ground,
+            &prediction,
+            &estimate,
+            subject,
+        );
+        let found = loading.unwrap();
         assert!((found.delta_f_n - added_n).abs() < 1e-6, "{}", found.delta_f_n);
         assert!(found.invalid.any_of(expected) || expected == Validity::default());
         assert_eq!(found.load.is_some(), added_n > 0.0);
         let suspect = Ground { invalid: Validity::SUIT_IMPLAUSIBLE, ..ground };
-        let none =
-            overload(&rig.settings, &mut rig.load, &instant, &suspect, &prediction, &estimate, subject);
+        let none = overload(
+            &fixture.settings,
+            &mut fixture.load,
+            &instant,
+            &suspect,
+            &prediction,
+            &estimate,
+            subject,
+        );
         assert!(
             none.is_none() && Validity::INVALIDATES_DELTA_F.any_of(suspect.invalid),
             "the last one is invalid"
@@ -203,48 +217,51 @@ fn a_load_is_the_force_beyond_the_prediction_and_unknown_while_a_sensor_is_impla
 
 #[test]
 fn the_constant_shear_of_a_plate_is_that_under_a_standing_subject() {
-    let mut rig = Rig::new();
-    rig.shear_n = 20.0;
-    let mut over_10_s = |vertical_n: f64| {
+    let mut fixture = StageFixture::new();
+    fixture.shear_n = 20.0;
+    let mut shear_bias_after_10_s = |vertical_n: f64| {
         for _ in 0..1000 {
-            rig.predicted(Some(vertical_n));
+            fixture.predicted(Some(vertical_n));
         }
-        rig.prediction.noise.shear_bias_m_per_s2()[0]
+        fixture.prediction.noise.shear_bias_m_per_s2()[0]
     };
     // The first step onto the plate.
-    assert_eq!(over_10_s(0.3 * WEIGHT_N), 0.0);
-    let standing = over_10_s(WEIGHT_N) * MASS_KG;
+    assert_eq!(shear_bias_after_10_s(0.3 * WEIGHT_N), 0.0);
+    let standing = shear_bias_after_10_s(WEIGHT_N) * MASS_KG;
     assert!((10.0..20.0).contains(&standing), "{standing} N");
 }
 
 #[test]
 fn sigma_contains_the_error_of_the_suit_s_acceleration_unless_shear_is_used() {
     let sigma_m = |shear_n: f64| {
-        let mut rig = Rig::new();
-        rig.shear_n = shear_n;
+        let mut fixture = StageFixture::new();
+        fixture.shear_n = shear_n;
         for _ in 0..300 {
-            rig.predicted(Some(WEIGHT_N));
+            fixture.predicted(Some(WEIGHT_N));
         }
-        rig.prediction.noise.horizontal_activity_m_per_s2.update(2.0, 0.01);
-        let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N));
+        fixture.prediction.noise.horizontal_activity_m_per_s2.update(2.0, 0.01);
+        let (instant, ground, _, prediction) = fixture.predicted(Some(WEIGHT_N));
         assert_eq!(prediction.body.slope_is_measured, shear_n < 25.0);
-        let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
-        estimate_cop(&rig.settings, &instant, &prediction, subject).cop_sigma_m[0]
+        let subject = weigh(&fixture.settings, &mut fixture.subject, &instant, &ground, &prediction);
+        estimate_cop(&fixture.settings, &instant, &prediction, subject).cop_sigma_m[0]
     };
-    let (used, pushed) = (sigma_m(5.0), sigma_m(60.0));
-    assert!(pushed > used + 0.005, "{used} {pushed}");
+    let (sigma_with_shear, sigma_with_external_force) = (sigma_m(5.0), sigma_m(60.0));
+    assert!(
+        sigma_with_external_force > sigma_with_shear + 0.005,
+        "{sigma_with_shear} {sigma_with_external_force}"
+    );
 }
 
 #[test]
 fn sigma_of_the_distance_of_a_load_from_the_hands_contains_that_of_their_position() {
-    let mut rig = Rig::new();
+    let mut fixture = StageFixture::new();
     for _ in 0..20 {
-        rig.predicted(Some(WEIGHT_N + 60.0));
+        fixture.predicted(Some(WEIGHT_N + 60.0));
     }
-    let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N + 60.0));
-    let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
-    let mut estimate = estimate_cop(&rig.settings, &instant, &prediction, subject);
-    let subject = Identified::newest(&rig.subject);
+    let (instant, ground, _, prediction) = fixture.predicted(Some(WEIGHT_N + 60.0));
+    let subject = weigh(&fixture.settings, &mut fixture.subject, &instant, &ground, &prediction);
+    let mut estimate = estimate_cop(&fixture.settings, &instant, &prediction, subject);
+    let subject = Identified::newest(&fixture.subject);
     let mut sigma_m = |rest_m: f64| {
         estimate.stance.rest_m = [rest_m; 2];
         let force = ExternalForce { vertical_n: WEIGHT_N + 60.0, delta_f_n: 60.0, sigma_n: 2.0 };
@@ -256,7 +273,7 @@ fn sigma_of_the_distance_of_a_load_from_the_hands_contains_that_of_their_positio
             subject,
             force,
         };
-        hold_load(&rig.settings, &rig.load.position, &carrying).residual_m[0].sigma
+        hold_load(&fixture.settings, &fixture.load.position, &carrying).residual_m[0].sigma
     };
     let (without, with) = (sigma_m(0.0), sigma_m(0.5));
     assert!((with * with - without * without - 0.25).abs() < 1e-9, "{without} {with}");
@@ -264,9 +281,9 @@ fn sigma_of_the_distance_of_a_load_from_the_hands_contains_that_of_their_positio
 
 #[test]
 fn a_handover_is_planned_without_the_error_of_the_stance() {
-    let mut rig = Rig::new();
-    let sigma_m = |subject: &Identification| subject.handover_body(&rig.settings, [0.0; 22]).cop_sigma_m;
-    let before_m = sigma_m(&rig.subject);
-    rig.subject.reset_stance_offset([0.04; 2]);
-    assert_eq!(sigma_m(&rig.subject), before_m);
+    let mut fixture = StageFixture::new();
+    let sigma_m = |subject: &Identification| subject.handover_body(&fixture.settings, [0.0; 22]).cop_sigma_m;
+    let before_m = sigma_m(&fixture.subject);
+    fixture.subject.reset_stance_offset([0.04; 2]);
+    assert_eq!(sigma_m(&fixture.subject), before_m);
 }

@@ -42,30 +42,30 @@ pub(in crate::session_report) fn latency(facts: &Facts) -> Section {
 /// Data quality.
 pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
     let mut section = Section::new("Data quality");
-    let found = &facts.quality;
+    let quality = &facts.quality;
     section.paragraph(format!(
         "All values were valid for {} of the time.",
-        fraction_percent(found.all_valid_s, found.observed_s)
+        fraction_percent(quality.all_valid_s, quality.observed_s)
     ));
     section.head("Invalid reasons");
     let mut table = Table::new(&["reason", ">time", ">share", "meaning"]);
-    for (name, raised_s) in found.reasons() {
+    for (name, raised_s) in quality.reasons() {
         table.rows.push(vec![
             code(name),
             length(raised_s).into(),
-            fraction_percent(raised_s, found.observed_s).into(),
+            fraction_percent(raised_s, quality.observed_s).into(),
             words::reason(name).text.into(),
         ]);
     }
     section.table(table);
     section.head("Phases");
     let mut table = Table::new(&["phase", ">time", ">share"]);
-    for (number, phase_s) in found.phase_s.iter().enumerate().filter(|(_, phase_s)| **phase_s > 0.0) {
+    for (number, phase_s) in quality.phase_s.iter().enumerate().filter(|(_, phase_s)| **phase_s > 0.0) {
         let name = Phase::from_number(number as u32).map_or("unknown", Phase::name);
         table.rows.push(vec![
             code(name),
             length(*phase_s).into(),
-            fraction_percent(*phase_s, found.observed_s).into(),
+            fraction_percent(*phase_s, quality.observed_s).into(),
         ]);
     }
     section.table(table);
@@ -104,17 +104,17 @@ fn adapters(facts: &Facts, section: &mut Section) {
 }
 
 fn gaps(facts: &Facts, section: &mut Section) {
-    let found = &facts.quality;
+    let quality = &facts.quality;
     section.head("Gaps");
     let mut items: Vec<Text> = vec![
-        format!("{} states are missing between the first and the last.", found.states_missing).into(),
-        format!("Steps of the feet: {}.", found.stances).into(),
+        format!("{} states are missing between the first and the last.", quality.states_missing).into(),
+        format!("Steps of the feet: {}.", quality.stances).into(),
     ];
-    if found.restarts > 0 {
-        items.push(format!("Restarts of the daemon: {}.", found.restarts).into());
+    if quality.restarts > 0 {
+        items.push(format!("Restarts of the daemon: {}.", quality.restarts).into());
     }
-    if !found.unavailable.is_empty() {
-        items.push(format!("Unavailable quantities: {}.", found.unavailable.join(", ")).into());
+    if !quality.unavailable.is_empty() {
+        items.push(format!("Unavailable quantities: {}.", quality.unavailable.join(", ")).into());
     }
     items.extend(facts.rejected.iter().map(|reason| Text::from(format!("Not used: {reason}"))));
     section.list(items);

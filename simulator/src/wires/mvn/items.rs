@@ -129,13 +129,13 @@ pub fn linear_kinematics(stamp: &Stamp, segments: &[(u32, [[f32; 3]; 3])]) -> Re
 }
 
 /// A segment's rotation: id, orientation, and angular velocity (rad/s) and acceleration (rad/s²).
-pub type Turning = (u32, [f32; 4], [[f32; 3]; 2]);
+pub type SegmentRotation = (u32, [f32; 4], [[f32; 3]; 2]);
 
 /// Type 22: orientation, angular velocity (rad/s) and acceleration (rad/s²), in the world.
 ///
 /// # Errors
 /// [`TooLong`].
-pub fn angular_kinematics(stamp: &Stamp, segments: &[Turning]) -> Result<Vec<u8>, TooLong> {
+pub fn angular_kinematics(stamp: &Stamp, segments: &[SegmentRotation]) -> Result<Vec<u8>, TooLong> {
     listed(stamp, b"22", segments, |out, (id, orientation, motion)| {
         out.extend_from_slice(&id.to_be_bytes());
         floats(out, orientation);

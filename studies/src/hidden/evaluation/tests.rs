@@ -63,7 +63,7 @@ fn the_right_name_at_the_right_place_is_exact_and_its_parameter_is_compared() {
     let answer = finding("named", &[("hand_load", json!({"hand": "right"}), mass(0.58))], &[]);
     let evaluated = evaluate(&truth(&[LOAD]), Ok(&answer), None, 1.0);
     assert!(evaluated.exact && evaluated.family && evaluated.found == 1);
-    assert!((evaluated.parameters[0].off() - 1.6).abs() < 1e-9);
+    assert!((evaluated.parameters[0].error_over_sigma() - 1.6).abs() < 1e-9);
     // √(5² − 3²) = 4.
     assert!((evaluated.oracle_mm - 4.0).abs() < 1e-12);
     assert!((evaluated.over_the_oracle().unwrap() - 1.05).abs() < 1e-12);
@@ -144,7 +144,7 @@ fn what_a_finding_lacks_is_not_right() {
         parameters["mass_kg"][part] = Value::Null;
         let answer = finding("named", &[("hand_load", json!({"hand": "right"}), parameters)], &[]);
         let evaluated = evaluate(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-        assert!(evaluated.parameters[0].off() > 2.0, "{part}: {:?}", evaluated.parameters);
+        assert!(evaluated.parameters[0].error_over_sigma() > 2.0, "{part}: {:?}", evaluated.parameters);
     }
 }
 

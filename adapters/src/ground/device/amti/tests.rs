@@ -95,7 +95,7 @@ impl Bench {
     fn loads(&self) -> Vec<Wrench> {
         let load = |reading: &Reading| match reading.load {
             Load::Wrench(wrench) => wrench,
-            Load::Part { .. } | Load::Soles(_) => panic!("a plate of six channels feels all"),
+            Load::Part { .. } | Load::Insoles(_) => panic!("a plate of six channels feels all"),
         };
         self.decoded.readings().map(load).collect()
     }

@@ -3,7 +3,7 @@ use crate::ground::channels::{Direct, ForceUnit, MomentUnit};
 use crate::ground::protocol::GroundProtocol;
 use crate::ground::receiver::GroundSettings;
 use crate::wire::checksum::Checksum;
-use crate::wire::frame::{Endian, Summed};
+use crate::wire::frame::{ChecksumField, Endian};
 use equipoise_core::message::GroundSample;
 use proptest::prelude::*;
 
@@ -11,7 +11,7 @@ const MS: u64 = 1_000_000;
 
 /// `5A count:u8 time:u16 ms fz:i24 sum`, big-endian, force in tenths of a newton.
 fn settings() -> BinarySettings {
-    let place = |at, number| Place::new(at, number, Endian::Big);
+    let place = |at, number| NumberPosition::new(at, number, Endian::Big);
     let direct = Direct { force: [None, None, Some(0)], ..Direct::default() };
     BinarySettings {
         form: FrameForm {
@@ -19,7 +19,7 @@ fn settings() -> BinarySettings {
             length: Length::Fixed(8),
             tags: vec![],
             kind: None,
-            checksum: Some(Summed {
+            checksum: Some(ChecksumField {
                 checksum: Checksum::named("SUM-8").unwrap(),
                 from: 0,
                 to: 7,
@@ -65,7 +65,7 @@ fn refused(protocol: &GroundProtocol, refusal: GroundRefusal) -> u64 {
 }
 
 fn with_time(settings: BinarySettings) -> BinarySettings {
-    let time = Time { place: Place::new(2, Number::U16, Endian::Big), unit_ns: MS };
+    let time = Time { place: NumberPosition::new(2, Number::U16, Endian::Big), unit_ns: MS };
     BinarySettings { sequence: None, time: Some(time), ..settings }
 }
 
@@ -90,9 +90,9 @@ fn a_coarse_clock_stands_still_between_counted_frames() {
     // `5A count:u8 time:u32 ms fz:i24 sum` at 2 kHz: every second frame has the time of the one before.
     let mut settings = settings();
     settings.form.length = Length::Fixed(10);
-    settings.form.checksum = settings.form.checksum.map(|summed| Summed { to: 9, at: 9, ..summed });
-    settings.fields[0].place = Place::new(6, Number::I24, Endian::Big);
-    settings.time = Some(Time { place: Place::new(2, Number::U32, Endian::Big), unit_ns: MS });
+    settings.form.checksum = settings.form.checksum.map(|summed| ChecksumField { to: 9, at: 9, ..summed });
+    settings.fields[0].place = NumberPosition::new(6, Number::I24, Endian::Big);
+    settings.time = Some(Time { place: NumberPosition::new(2, Number::U32, Endian::Big), unit_ns: MS });
     let mut protocol = GroundProtocol::new(Box::new(Binary::new(settings)), GroundSettings::default());
     protocol.opened(0);
     let mut samples = Vec::new();
@@ -172,7 +172,7 @@ fn a_datagram_is_whole_frames_or_nothing() {
 
 #[test]
 fn scans_of_a_frame_are_readings_of_their_own() {
-    let place = |at, number| Place::new(at, number, Endian::Big);
+    let place = |at, number| NumberPosition::new(at, number, Endian::Big);
     let scans = BinarySettings {
         form: FrameForm { checksum: None, length: Length::Fixed(8), ..settings().form },
         fields: vec![Field { place: place(2, Number::U16), scale: 2.0, per: 1.0, offset: 1.0 }],
@@ -218,9 +218,9 @@ fn bytes_without_any_frame_are_reported_in_words() {
 
 #[test]
 fn status_and_trigger_are_bits_where_they_stand() {
-    let place = Place { mask: 0xf000, ..Place::new(2, Number::U16, Endian::Big) };
+    let place = NumberPosition { mask: 0xf000, ..NumberPosition::new(2, Number::U16, Endian::Big) };
     let bits = BinarySettings {
-        status: Some(Place { mask: 0x0006, ..place }),
+        status: Some(NumberPosition { mask: 0x0006, ..place }),
         trigger: Some(Tag { place, values: vec![0xf000] }),
         form: FrameForm { checksum: None, ..settings().form },
         ..settings()

@@ -22,7 +22,7 @@ const LINE_MAX: usize = 512;
 
 /// Results of the dialogue.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Known {
+pub(super) struct DialogueResult {
     pub(super) plates: u32,
     pub(super) surface_height_m: Option<f64>,
     pub(super) scales: FullScales,
@@ -33,7 +33,7 @@ pub(super) struct Known {
 pub(super) enum Next {
     Wait,
     Say(Line),
-    Start(Known),
+    Start(DialogueResult),
     GiveUp(String),
 }
 
@@ -173,9 +173,11 @@ impl Dialogue {
                 self.surface_height_m = Some(metres.abs());
                 self.ask(Line::FullScales(self.serial), now_ns, 1)
             }
-            (_, Answer::FullScales(scales)) => {
-                Next::Start(Known { plates: self.plates, surface_height_m: self.surface_height_m, scales })
-            }
+            (_, Answer::FullScales(scales)) => Next::Start(DialogueResult {
+                plates: self.plates,
+                surface_height_m: self.surface_height_m,
+                scales,
+            }),
             // No command has an answer of another kind.
             (_, Answer::Done | Answer::Number(_) | Answer::Metres(_)) => {
                 Next::GiveUp("no answer fits".to_owned())

@@ -28,8 +28,8 @@ const READ_SIZE: usize = 65_536;
 
 /// Event of the socket.
 #[derive(Debug, Clone, Copy)]
-pub enum Heard<'a> {
-    /// A datagram of a client; if a sample of it is accepted, [`TcpDoor::accepted`] must be called.
+pub enum SocketEvent<'a> {
+    /// A datagram of a client; if a sample of it is accepted, [`TcpSocket::accepted`] must be called.
     Datagram {
         /// The datagram.
         bytes: &'a [u8],
@@ -42,7 +42,7 @@ pub enum Heard<'a> {
     LostStep,
     /// A client that is not admitted, that connected in addition to the device, or that exceeded the limit. The
     /// connection was closed.
-    TurnedAway(SocketAddr),
+    Refused(SocketAddr),
 }
 
 #[derive(Debug)]
@@ -58,7 +58,7 @@ struct Client {
 
 /// The listener, its clients, and their buffer.
 #[derive(Debug)]
-pub struct TcpDoor {
+pub struct TcpSocket {
     listener: TcpListener,
     local: SocketAddr,
     senders: Senders,
@@ -71,7 +71,7 @@ pub struct TcpDoor {
     skipped_bytes: u64,
 }
 
-impl TcpDoor {
+impl TcpSocket {
     /// Listens on an address. `timeout` bounds each [`Self::receive`]; `key` is the configuration key for errors.
     ///
     /// # Errors
@@ -81,7 +81,7 @@ impl TcpDoor {
         senders: Senders,
         timeout: Duration,
         key: &'static str,
-    ) -> Result<TcpDoor, SourceError> {
+    ) -> Result<TcpSocket, SourceError> {
         let failed = |error: io::Error| match error.kind() {
             io::ErrorKind::AddrInUse => SourceError::PortTaken { port: address.port(), address, key },
             _ => SourceError::Open { address, key, error },
@@ -89,7 +89,7 @@ impl TcpDoor {
         let listener = TcpListener::bind(address).map_err(failed)?;
         listener.set_nonblocking(true).map_err(failed)?;
         let local = listener.local_addr().map_err(failed)?;
-        Ok(TcpDoor {
+        Ok(TcpSocket {
             listener,
             local,
             senders,
@@ -115,24 +115,24 @@ impl TcpDoor {
     ///
     /// # Errors
     /// [`SourceError::Receive`] if the listening socket itself fails. A client that fails is dropped without error.
-    pub fn receive(&mut self) -> Result<Option<Heard<'_>>, SourceError> {
+    pub fn receive(&mut self) -> Result<Option<SocketEvent<'_>>, SourceError> {
         let mut cut = self.cut();
         if cut.is_none() {
-            let (streams, knocks) = self.wait()?;
+            let (streams, connects) = self.wait()?;
             // Clients are read first: a closed one makes room for the next.
             self.read(&streams);
-            if knocks && let Some(turned_away) = self.admit()? {
-                return Ok(Some(Heard::TurnedAway(turned_away)));
+            if connects && let Some(refused) = self.admit()? {
+                return Ok(Some(SocketEvent::Refused(refused)));
             }
             cut = self.cut();
         }
         Ok(match (cut, self.clients.get(self.last)) {
-            (Some(Cut::Datagram), Some(client)) => Some(Heard::Datagram {
+            (Some(Cut::Datagram), Some(client)) => Some(SocketEvent::Datagram {
                 bytes: client.cutter.datagram(),
                 sender: client.address,
                 arrival_ns: client.arrival_ns,
             }),
-            (Some(Cut::LostStep), _) => Some(Heard::LostStep),
+            (Some(Cut::LostStep), _) => Some(SocketEvent::LostStep),
             _ => None,
         })
     }
@@ -162,19 +162,19 @@ impl TcpDoor {
 
     /// Waits until a client sends data or connects: which clients are readable, and whether one connects.
     fn wait(&self) -> Result<(Vec<bool>, bool), SourceError> {
-        let mut asked = vec![PollFd::new(self.listener.as_fd(), PollFlags::POLLIN)];
-        asked.extend(self.clients.iter().map(|client| PollFd::new(client.stream.as_fd(), PollFlags::POLLIN)));
+        let mut fds = vec![PollFd::new(self.listener.as_fd(), PollFlags::POLLIN)];
+        fds.extend(self.clients.iter().map(|client| PollFd::new(client.stream.as_fd(), PollFlags::POLLIN)));
         let timeout =
             PollTimeout::try_from(self.timeout.max(Duration::from_millis(1))).unwrap_or(PollTimeout::MAX);
-        match poll(&mut asked, timeout) {
+        match poll(&mut fds, timeout) {
             Ok(_) => {}
             Err(Errno::EINTR) => return Ok((Vec::new(), false)),
             Err(errno) => return Err(self.failed(errno.into())),
         }
         // A hang-up or an error is detected by the read.
-        let mut happened = asked.iter().map(|fd| fd.any().unwrap_or(false));
-        let knocks = happened.next().unwrap_or(false);
-        Ok((happened.collect(), knocks))
+        let mut ready = fds.iter().map(|fd| fd.any().unwrap_or(false));
+        let connects = ready.next().unwrap_or(false);
+        Ok((ready.collect(), connects))
     }
 
     /// Reads the clients' data; drops clients that closed or failed.
@@ -203,7 +203,7 @@ impl TcpDoor {
         }
     }
 
-    /// Accepts the next client; returns the address of one that was turned away.
+    /// Accepts the next client; returns the address of one that was refused.
     fn admit(&mut self) -> Result<Option<SocketAddr>, SourceError> {
         let (stream, address) = match self.listener.accept() {
             Ok(accepted) => accepted,
@@ -227,15 +227,15 @@ impl TcpDoor {
         if is_held || !self.senders.admit(address.ip()) || stream.set_nonblocking(true).is_err() {
             return Ok(Some(address));
         }
-        let mut turned_away = None;
+        let mut refused = None;
         if self.clients.len() >= CLIENTS_MAX {
-            turned_away = self.clients.first().map(|oldest| oldest.address);
+            refused = self.clients.first().map(|oldest| oldest.address);
             self.close(0..1);
             self.last = 0;
         }
         let cutter = StreamCutter::new();
         self.clients.push(Client { stream, address, cutter, arrival_ns: now_ns, accepted_ns: None });
-        Ok(turned_away)
+        Ok(refused)
     }
 
     fn failed(&self, error: io::Error) -> SourceError {

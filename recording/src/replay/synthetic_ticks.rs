@@ -7,13 +7,13 @@ use equipoise_core::time::NS_PER_S;
 
 use super::samples::Sample;
 
-/// Slots of a silence longer than this are skipped, ns: they compute nothing, and a capture with a wrong time stamp
-/// must not run for days.
-const SILENCE_NS: u64 = 10 * NS_PER_S;
+/// Ticks in gaps longer than this are skipped, ns: no inputs. A wrong time stamp in a capture would otherwise cause
+/// days of empty ticks.
+const GAP_SKIPPED_NS: u64 = 10 * NS_PER_S;
 /// Error of an input without a sample.
-pub(super) const NO_SAMPLE: &str = "there is no sample of suit or ground in it that can be used";
+pub(super) const NO_SAMPLE: &str = "the recording contains no usable suit or ground sample";
 
-/// Calls `step` for every tick; a sample is passed to the first tick whose due time is at or after its delivery, or to
+/// Calls `step` for every tick. A sample is passed to the first tick whose due time is at or after its delivery, or to
 /// a later one. Tares of the empty plate at `tares_ns`, in order, are repeated: recorded samples are those before the
 /// tare.
 ///
@@ -51,8 +51,8 @@ pub fn run(
         step(Tick { cycle, due_ns }, inputs)?;
         let Some(next) = samples.peek() else { return Ok(()) };
         let ahead_ns = next.delivered_ns() - due_ns;
-        let slots = if ahead_ns > SILENCE_NS { ahead_ns / period_ns } else { 1 };
-        due_ns = due_ns.saturating_add(slots * period_ns);
+        let ticks = if ahead_ns > GAP_SKIPPED_NS { ahead_ns / period_ns } else { 1 };
+        due_ns = due_ns.saturating_add(ticks * period_ns);
     }
 }
 
@@ -90,12 +90,12 @@ mod tests {
     }
 
     #[test]
-    fn a_sample_comes_with_the_first_tick_at_or_after_it() {
+    fn a_sample_enters_the_first_tick_at_or_after_it() {
         assert_eq!(ticks(&[100, 110, 111, 115], 10), [(1, 100, 1), (2, 110, 1), (3, 120, 2)]);
     }
 
     #[test]
-    fn a_long_gap_is_skipped_in_whole_slots() {
+    fn a_long_gap_is_skipped_in_whole_ticks() {
         let ticks = ticks(&[5, 5 + 3_600 * NS_PER_S + 1], 1_000_000);
         assert_eq!(
             ticks,

@@ -1,4 +1,4 @@
-//! C programs on a real bus.
+//! Compiles C and C++ clients and runs them against a real bus.
 
 use equipoise_bus::root::ROOT_VARIABLE;
 use equipoise_core::message::ConsumerReceipt;
@@ -8,7 +8,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use crate::common::{PERIOD, Station, publish_until_killed, root, until};
-use crate::compiler::{Link, compile, is_there, said};
+use crate::compiler::{Link, compile, is_installed, stdout_of};
 
 const HANGS_AFTER: Duration = Duration::from_secs(20);
 const CONTROLLER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/controller.c");
@@ -28,19 +28,19 @@ fn number(line: &str, key: &str) -> u64 {
 }
 
 #[test]
-fn wrong_calls_are_refused_with_a_sentence() {
+fn invalid_calls_return_an_error_message() {
     for link in [Link::Static, Link::Shared] {
         let root = root();
         let scratch = tempfile::tempdir().unwrap();
         let program = compile(Path::new(WRONG_USE), link, scratch.path());
         let ended = Command::new(program).env(ROOT_VARIABLE, root.path()).output().unwrap();
-        assert_eq!(said(&ended), "all refused\n");
+        assert_eq!(stdout_of(&ended), "all refused\n");
     }
 }
 
 #[test]
 fn the_header_for_cpp_does_not_hang_and_reports_a_leaked_consumer() {
-    if !is_there("cpp") {
+    if !is_installed("cpp") {
         eprintln!("skipped: no compiler of C++ (CXX, or c++)");
         return;
     }
@@ -57,7 +57,7 @@ fn the_header_for_cpp_does_not_hang_and_reports_a_leaked_consumer() {
     }
     let _ = child.kill();
     let ended = child.wait_with_output().unwrap();
-    assert_eq!(said(&ended), "all refused\n");
+    assert_eq!(stdout_of(&ended), "all refused\n");
     let stderr = String::from_utf8_lossy(&ended.stderr);
     assert!(stderr.contains("a consumer was not closed: a consumer belongs to the thread"), "{stderr}");
 }
@@ -67,7 +67,7 @@ fn the_controller_reads_a_station_and_reports() {
     let root = root();
     let bus = root.bus("latency");
     let mut reports = bus.subscriber::<ConsumerReceipt>(16).unwrap();
-    let _station = Station::start(&root, "border::child_publishes");
+    let _station = Station::start(&root, "ffi::child_publishes");
     let scratch = tempfile::tempdir().unwrap();
     let program = compile(Path::new(CONTROLLER), Link::Shared, scratch.path());
     let mut command = Command::new(program);
@@ -81,7 +81,7 @@ fn the_controller_reads_a_station_and_reports() {
         controller.try_wait().unwrap()
     });
     let last = reports.latest().unwrap().or(last).expect("it reported");
-    let printed = said(&controller.wait_with_output().unwrap());
+    let printed = stdout_of(&controller.wait_with_output().unwrap());
     let lines: Vec<&str> = printed.lines().collect();
     let current = lines.iter().filter(|line| line.contains(" state=current ")).count();
     assert!(current > 0, "{printed}");
