@@ -123,7 +123,7 @@ fn write(
 ) -> anyhow::Result<ImportSummary> {
     // Read the first sample before creating a file, so that none is created without data.
     let Some(mut sample) = samples.next() else {
-        let what = format!("{}: there is no sample in it that can be used", file.display());
+        let what = format!("{}: it contains no usable sample", file.display());
         bail!("{}", with_skipped(&what, &samples.skipped()));
     };
     let header = RecordingHeader {

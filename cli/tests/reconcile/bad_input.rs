@@ -155,7 +155,7 @@ fn a_recording_that_is_cut_before_its_samples_is_refused() {
     let bytes = std::fs::read(&trial.recording).unwrap();
     // Truncated in the header, and in the first chunk: no measurement is readable.
     for (length, phrases) in
-        [(6, "not a recording"), (60, "session.mcap"), (4000, "no sample of suit or plate")]
+        [(6, "not a recording"), (60, "session.mcap"), (4000, "no usable sample of suit or plate")]
     {
         std::fs::write(&trial.recording, &bytes[..length]).unwrap();
         trial.refuses(&[], &[phrases]);
@@ -229,7 +229,7 @@ fn one_stream_is_not_sufficient() {
         samples.suit.clear();
         samples.ground.clear();
     })
-    .refuses(&[], &["no sample of suit or plate"]);
+    .refuses(&[], &["no usable sample of suit or plate"]);
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn samples_that_cannot_be_used_are_counted_in_the_refusal() {
         no_suit(samples);
         samples.ground.iter_mut().for_each(|sample| sample.force_n[2] = f64::INFINITY);
     })
-    .refuses(&[], &["no sample of suit or plate", &counted(suits + plates)]);
+    .refuses(&[], &["no usable sample of suit or plate", &counted(suits + plates)]);
 }
 
 #[test]

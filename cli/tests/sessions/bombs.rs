@@ -145,7 +145,7 @@ fn a_capture_is_read_piece_by_piece() {
     (0..6000).for_each(|_| file.packet_of_nothing(262_144));
     file.end();
     for output in read_by_all(&path, &[1]) {
-        assert!(output.contains("6000 packets") && output.contains("there is no sample"), "{output}");
+        assert!(output.contains("6000 packets") && output.contains("no usable sample"), "{output}");
     }
 
     let path = directory.path().join("block.pcapng");

@@ -139,6 +139,6 @@ fn without_a_possible_sample_the_replay_of_cycles_names_the_reason() {
     let output = run(&[&"replay", &path]);
     let text = describe_output(&output);
     assert_eq!(output.status.code(), Some(1), "{text}");
-    assert!(text.contains("there is no sample of suit or ground in it that can be used"), "{text}");
+    assert!(text.contains("no usable sample of suit or ground"), "{text}");
     assert!(text.contains("rejected: 3 messages hold numbers that are not finite"), "{text}");
 }

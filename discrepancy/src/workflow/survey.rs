@@ -176,7 +176,7 @@ impl Survey {
     /// One sentence for each defect.
     pub fn check(&self) -> anyhow::Result<()> {
         match [self.suit.samples, self.ground.samples] {
-            [0, 0] => bail!(self.with_skipped("there is no sample of suit or plate in it that can be used")),
+            [0, 0] => bail!(self.with_skipped("the file contains no usable sample of suit or plate")),
             [0, plate] => bail!(self.with_skipped(&format!(
                 "it contains {plate} samples of the plate and none of the suit; a comparison needs both: was the suit's \
                  adapter running, and is suit.listen its port?"

@@ -11,7 +11,7 @@ use super::samples::Sample;
 /// days of empty ticks.
 const GAP_SKIPPED_NS: u64 = 10 * NS_PER_S;
 /// Error of an input without a sample.
-pub(super) const NO_SAMPLE: &str = "the recording contains no usable suit or ground sample";
+pub(super) const NO_SAMPLE: &str = "the file contains no usable sample of suit or ground";
 
 /// Calls `step` for every tick. A sample is passed to the first tick whose due time is at or after its delivery, or to
 /// a later one. Tares of the empty plate at `tares_ns`, in order, are repeated: recorded samples are those before the
