@@ -14,6 +14,7 @@ use equipoise_core::message::{Command, Reply, State};
 use crate::active_configuration::SharedConfiguration;
 use crate::rings::CommandEnds;
 use crate::subjects::Subjects;
+use crate::weighing;
 
 use self::plate::PlateHistory;
 
@@ -116,7 +117,7 @@ fn answer(
             None => Err("no pose is asked for now".to_owned()),
         },
         Some(kind @ CommandKind::IdentifyReset) => {
-            push_command(ends, kind).map(|()| "all poses are discarded; learning starts again".to_owned())
+            push_command(ends, kind).map(|()| describe_reset(latest, &active_configuration.settings()))
         }
         Some(kind @ CommandKind::Checkpoint) => {
             push_command(ends, kind).map(|()| "a checkpoint is being published".to_owned())
@@ -129,6 +130,19 @@ const TOO_MANY: &str = "too many commands at once; ask again";
 
 fn push_command(ends: &mut CommandEnds, kind: CommandKind) -> Result<(), String> {
     ends.command.push(kind).map_err(|_| TOO_MANY.to_owned())
+}
+
+/// What follows a reset of the identification: without a configured mass the subject is weighed first, which may be
+/// delayed.
+fn describe_reset(latest: Option<&State>, settings: &Settings) -> String {
+    if settings.mass_kg.is_some() {
+        return "all poses are discarded; learning starts again".to_owned();
+    }
+    let delay = latest.and_then(weighing::obstacle).map_or_else(
+        || ": stand still on the plate with both feet and empty hands".to_owned(),
+        |obstacle| format!(", which waits: {obstacle}"),
+    );
+    format!("all poses are discarded; learning starts again once the worker is weighed{delay}")
 }
 
 /// The accuracy reached by an identification that was stopped.
@@ -167,6 +181,21 @@ fn reply(cycle: u64, outcome: Answer) -> Reply {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_reset_reports_what_delays_the_weighing() {
+        let mut settings = Settings::for_height(1.77);
+        let mut state = State::zeroed();
+        assert!(describe_reset(Some(&state), &settings).contains("once the worker is weighed"));
+        state.cop_measured_m = [0.6, 0.0];
+        let message = describe_reset(Some(&state), &settings);
+        assert!(message.contains("which waits: the centre of pressure is 0.60 m from the feet"), "{message}");
+        assert!(message.len() <= Reply::zeroed().text.len(), "{}", message.len());
+        assert!(describe_reset(None, &settings).contains("once the worker is weighed"));
+        settings.mass_kg = Some(72.0);
+        let message = describe_reset(Some(&state), &settings);
+        assert_eq!(message, "all poses are discarded; learning starts again");
+    }
 
     #[test]
     fn an_early_stop_reports_the_uncertainty_of_the_estimate() {

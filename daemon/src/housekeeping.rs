@@ -19,6 +19,7 @@ use crate::rings::LoopControl;
 use crate::status_file::StatusFile;
 use crate::supervision::Supervision;
 use crate::thread_registry::ThreadRegistry;
+use crate::weighing::WeighingWatch;
 
 use self::validity::ValidityIncidents;
 
@@ -36,6 +37,7 @@ pub struct Housekeeping {
     incidents: Publisher<Incidents>,
     events: Notifier,
     model: ModelWatch,
+    weighing: WeighingWatch,
     control: Arc<LoopControl>,
     board: Arc<IncidentBoard>,
     thread_registry: Arc<ThreadRegistry>,
@@ -70,6 +72,7 @@ impl Housekeeping {
             incidents: bus.publisher()?,
             events: bus.notifier(Channel::Results)?,
             model: ModelWatch::default(),
+            weighing: WeighingWatch::default(),
             control,
             board,
             thread_registry,
@@ -138,7 +141,7 @@ impl Housekeeping {
         }
     }
 
-    /// Reports only; a person decides whether to change the model.
+    /// Reports only; a person decides whether to change the model, and what to do for the weighing.
     fn check_model(&mut self) {
         let Some(state) = self.newest else { return };
         if let Some(suspicion) = self.model.update(&state) {
@@ -151,6 +154,7 @@ impl Housekeeping {
             self.board.end(Incident::ModelMismatch);
         }
         self.status.set_model_mismatch(suspicion);
+        self.status.set_weighing(self.weighing.update(&state));
     }
 
     fn clean_up(&mut self) {

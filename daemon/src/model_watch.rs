@@ -84,7 +84,11 @@ impl fmt::Display for Suspicion {
         if let Some(limb) = self.limb {
             write!(f, "; it goes with the pose of the {limb}")?;
         }
-        write!(f, "; {}; if it persists, record some minutes and run `equipoise reconcile` on them", self.advice())
+        write!(
+            f,
+            "; {}; if it persists, record some minutes and run `equipoise reconcile` on them",
+            self.advice()
+        )
     }
 }
 

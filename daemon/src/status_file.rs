@@ -35,6 +35,11 @@ impl StatusFile {
         self.change(|status| status.model_mismatch = suspicion);
     }
 
+    /// Sets why the weighing does not progress; written with the next [`StatusFile::write`].
+    pub fn set_weighing(&self, reason: Option<String>) {
+        self.change(|status| status.weighing = reason);
+    }
+
     /// Sets the active subject; written with the next [`StatusFile::write`].
     pub fn set_subject(&self, subject: &str) {
         self.change(|status| subject.clone_into(&mut status.subject));

@@ -1,5 +1,5 @@
-//! Incidents by validity flags: invalid input that the loop detects is no failure of the daemon, but requires a person's
-//! attention.
+//! Incidents by validity flags: invalid input that the loop detects. It is no failure of the daemon, but requires a
+//! person's attention.
 
 use equipoise_core::message::{Incident, Validity};
 use equipoise_core::time::NS_PER_S;
