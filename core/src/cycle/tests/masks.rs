@@ -158,21 +158,18 @@ fn identified(person: &Person) -> Bench {
 
 /// The plate is silent for half a second and has this gain afterwards. Returns the number of cycles with valid torques
 /// in the two seconds after it.
-fn after_a_gap(
-    bench: &mut Bench,
-    person: &Person,
-    gain_error: f64,
-    load: Option<(f64, Vector3<f64>)>,
-) -> usize {
+fn after_a_gap(bench: &mut Bench, person: &Person, gain_error: f64, load_kg: f64) -> u32 {
+    let load = (load_kg > 0.0).then(|| (load_kg, lifted_box(person, &hanging())));
     bench.ground_silent = true;
     bench.hold(person, &hanging(), load, 500);
     bench.ground_silent = false;
     bench.disturbance.gain_error = gain_error;
-    let is_valid = |bench: &mut Bench| {
+    let mut valid = 0;
+    for _ in 0..2000 {
         bench.hold(person, &hanging(), load, 1);
-        !bench.state().validity().any_of(Validity::INVALIDATES_TORQUES)
-    };
-    (0..2000).filter(|_| is_valid(bench)).count()
+        valid += u32::from(!bench.state().validity().any_of(Validity::INVALIDATES_TORQUES));
+    }
+    valid
 }
 
 #[test]
@@ -180,12 +177,12 @@ fn a_gain_that_changed_over_a_gap_is_no_load_until_the_weight_alone_was_measured
     let person = Person::real();
     for gain_error in [0.5, 1.0] {
         let mut bench = identified(&person);
-        assert_eq!(after_a_gap(&mut bench, &person, gain_error, None), 0);
+        assert_eq!(after_a_gap(&mut bench, &person, gain_error, 0.0), 0);
         let state = bench.state();
         assert!(state.validity().any_of(Validity::GROUND_IMPLAUSIBLE), "{:?}", state.validity());
         assert_eq!((state.delta_f_n[2], state.lifted_mass_kg), (0.0, 0.0));
 
-        after_a_gap(&mut bench, &person, 0.0, None);
+        after_a_gap(&mut bench, &person, 0.0, 0.0);
         let valid = bench.state().validity();
         assert!(!valid.any_of(Validity::GROUND_IMPLAUSIBLE), "{valid:?}");
         assert!(valid.any_of(Validity::BELOW_LOAD_THRESHOLD), "{valid:?}");
@@ -202,8 +199,8 @@ fn the_load_from_before_a_gap_of_the_plate_is_valid_after_it_and_another_one_is_
     let mut bench = identified(&person);
     let at = lifted_box(&person, &hanging());
     bench.hold(&person, &hanging(), Some((6.0, at)), 4000);
-    assert!(after_a_gap(&mut bench, &person, 0.0, Some((6.0, at))) > 1000, "the same load");
-    assert_eq!(after_a_gap(&mut bench, &person, 0.0, Some((12.0, at))), 0, "taken in the gap");
+    assert!(after_a_gap(&mut bench, &person, 0.0, 6.0) > 1000, "the same load");
+    assert_eq!(after_a_gap(&mut bench, &person, 0.0, 12.0), 0, "taken in the gap");
     bench.hold(&person, &hanging(), None, 1500);
     bench.hold(&person, &hanging(), Some((12.0, at)), 2000);
     let valid = bench.state().validity();
