@@ -25,6 +25,7 @@ pub mod identification;
 mod identify;
 mod insoles;
 mod lag_test;
+mod load_after_gap;
 mod load_in_hands;
 mod loading;
 pub mod memory;

@@ -14,6 +14,7 @@ use equipoise_core::message::{Command, Reply, State};
 use crate::active_configuration::SharedConfiguration;
 use crate::rings::CommandEnds;
 use crate::subjects::Subjects;
+use crate::weighing;
 
 use self::plate::PlateHistory;
 
@@ -160,7 +161,7 @@ fn execute(
             None => Err("no pose is asked for now".to_owned()),
         },
         Some(kind @ CommandKind::IdentifyReset) => {
-            push_command(ends, kind).map(|()| "all poses are discarded; learning starts again".to_owned())
+            push_command(ends, kind).map(|()| describe_reset(latest, &active_configuration.settings()))
         }
         Some(kind @ CommandKind::Checkpoint) => {
             push_command(ends, kind).map(|()| "a checkpoint is being published".to_owned())
@@ -187,6 +188,19 @@ fn await_receipt(ends: &CommandEnds) -> Result<(), String> {
         }
         std::thread::sleep(RECEIPT_POLL_INTERVAL);
     }
+}
+
+/// What follows a reset of the identification: without a configured mass the subject is weighed first, which may be
+/// delayed.
+fn describe_reset(latest: Option<&State>, settings: &Settings) -> String {
+    if settings.mass_kg.is_some() {
+        return "all poses are discarded; learning starts again".to_owned();
+    }
+    let delay = latest.and_then(weighing::obstacle).map_or_else(
+        || ": stand still on the plate with both feet and empty hands".to_owned(),
+        |obstacle| format!(", which waits: {obstacle}"),
+    );
+    format!("all poses are discarded; learning starts again once the worker is weighed{delay}")
 }
 
 /// The accuracy reached by an identification that was stopped.
@@ -329,6 +343,21 @@ mod tests {
                 let _ = std::fs::remove_file(file.path());
             }
         }
+    }
+
+    #[test]
+    fn a_reset_reports_what_delays_the_weighing() {
+        let mut settings = Settings::for_height(1.77);
+        let mut state = State::zeroed();
+        assert!(describe_reset(Some(&state), &settings).contains("once the worker is weighed"));
+        state.cop_measured_m = [0.6, 0.0];
+        let message = describe_reset(Some(&state), &settings);
+        assert!(message.contains("which waits: the centre of pressure is 0.60 m from the feet"), "{message}");
+        assert!(message.len() <= Reply::zeroed().text.len(), "{}", message.len());
+        assert!(describe_reset(None, &settings).contains("once the worker is weighed"));
+        settings.mass_kg = Some(72.0);
+        let message = describe_reset(Some(&state), &settings);
+        assert_eq!(message, "all poses are discarded; learning starts again");
     }
 
     #[test]

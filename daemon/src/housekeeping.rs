@@ -1,74 +1,32 @@
 //! Periodic tasks: removes dead nodes, publishes incidents and status, and checks whether the model still explains the
 //! measurements. The bus's files and the status may be on a slow disk: saving and the watchdog have their own threads.
 
+mod validity;
+
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crossbeam_channel::{select, tick};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher, Subscriber};
 use equipoise_config::Config;
-use equipoise_core::message::{Incident, Incidents, State, Validity};
+use equipoise_core::message::{Incident, Incidents, State};
 use tracing::warn;
 
 use crate::incidents::IncidentBoard;
 use crate::model_watch::ModelWatch;
+use crate::realtime::now_ns;
 use crate::rings::LoopControl;
 use crate::status_file::StatusFile;
 use crate::supervision::Supervision;
 use crate::thread_registry::ThreadRegistry;
+use crate::weighing::WeighingWatch;
+
+use self::validity::ValidityIncidents;
 
 /// Polling interval for incidents.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// All other tasks run once in this many polls: once a second.
 const UPDATES_PER_CLEAN_UP: u32 = 20;
-
-/// A validity flag and the incident that it raises.
-struct ValidityIncident {
-    reason: Validity,
-    incident: Incident,
-    /// Minimum duration before the incident begins, since short interruptions are part of normal work.
-    after: Duration,
-    message: &'static str,
-}
-
-const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
-    ValidityIncident {
-        reason: Validity::POSITION_UNKNOWN,
-        incident: Incident::PositionUnknown,
-        after: Duration::ZERO,
-        message: "the worker's position on the plate is no longer known, because the suit was restarted, jumped or was \
-                   silent for long, the computer was restarted, or the plate was moved; it is estimated again while the \
-                   worker moves without a load",
-    },
-    ValidityIncident {
-        reason: Validity::GROUND_IMPLAUSIBLE,
-        incident: Incident::GroundImplausible,
-        after: Duration::ZERO,
-        message: "the plate's values jump, repeat or pull upwards as under no person; they are used again once they show \
-                   the worker's weight alone, or after the worker has stepped off",
-    },
-    ValidityIncident {
-        reason: Validity::SUIT_IMPLAUSIBLE,
-        incident: Incident::SuitImplausible,
-        after: Duration::ZERO,
-        message: "poses of the suit repeat, jump or separate at the joints, and are not used; if the profile in use \
-                   is another worker's, load the right one with `equipoise subject load`",
-    },
-    ValidityIncident {
-        reason: Validity::WEIGHT_MISSING,
-        incident: Incident::WeightMissing,
-        after: Duration::from_secs(3),
-        message: "the ground carries less than the worker weighs: a foot next to the plate, a hand that leans on something, \
-                   or a plate whose gain or zero has changed (tare it while it is empty)",
-    },
-    ValidityIncident {
-        reason: Validity::LOAD_NOT_AT_HANDS,
-        incident: Incident::LoadNotAtHands,
-        after: Duration::from_secs(10),
-        message: "the ground carries more than the worker weighs, and not where the hands are: something lies on the plate \
-                   or is worn, or the plate's zero or gain, its place, or the worker's identification is wrong",
-    },
-];
 
 /// Housekeeping with its ports on the bus.
 pub struct Housekeeping {
@@ -79,6 +37,7 @@ pub struct Housekeeping {
     incidents: Publisher<Incidents>,
     events: Notifier,
     model: ModelWatch,
+    weighing: WeighingWatch,
     control: Arc<LoopControl>,
     board: Arc<IncidentBoard>,
     thread_registry: Arc<ThreadRegistry>,
@@ -87,8 +46,8 @@ pub struct Housekeeping {
     /// Whether it was reported that some supervision is unavailable.
     error_reported: bool,
     status: StatusFile,
-    /// Since when each of [`VALIDITY_INCIDENTS`] is active.
-    active_since: [Option<Instant>; VALIDITY_INCIDENTS.len()],
+    /// Incidents by the flags of the newest state.
+    validity: ValidityIncidents,
     // Ports must be dropped before the node that they depend on.
     bus: Bus,
 }
@@ -113,13 +72,14 @@ impl Housekeeping {
             incidents: bus.publisher()?,
             events: bus.notifier(Channel::Results)?,
             model: ModelWatch::default(),
+            weighing: WeighingWatch::default(),
             control,
             board,
             thread_registry,
             published_changes: 0,
             error_reported: false,
             status,
-            active_since: [None; VALIDITY_INCIDENTS.len()],
+            validity: ValidityIncidents::default(),
             bus,
         })
     }
@@ -148,7 +108,9 @@ impl Housekeeping {
         if let Ok(Some(state)) = self.states.latest() {
             self.newest = Some(state);
         }
-        self.check_validity();
+        if let Some(state) = &self.newest {
+            self.validity.update(state.validity(), now_ns(), &self.board);
+        }
         let result = self.supervision.update(self.newest.as_ref(), self.control.refused(), &self.board);
         if let Err(error) = result
             && !std::mem::replace(&mut self.error_reported, true)
@@ -179,31 +141,14 @@ impl Housekeeping {
         }
     }
 
-    /// Reports only; a person decides whether to change the model.
+    /// Reports only; a person decides whether to change the model, and what to do for the weighing.
     fn check_model(&mut self) {
         let Some(state) = &self.newest else { return };
         if self.model.check(state, &self.board, &self.status) {
             // A failed bus is reported by its other users.
             let _ = self.events.notify(Event::ModelMismatch);
         }
-    }
-
-    /// Invalid input that the loop detects: not a failure of the daemon, but it requires a person's attention.
-    fn check_validity(&mut self) {
-        let Some(state) = &self.newest else { return };
-        let valid = state.validity();
-        for (index, entry) in VALIDITY_INCIDENTS.iter().enumerate() {
-            let holds = valid.any_of(entry.reason);
-            let since = &mut self.active_since[index];
-            *since = if holds { Some(since.unwrap_or_else(Instant::now)) } else { None };
-            match *since {
-                Some(since) if since.elapsed() >= entry.after => {
-                    self.board.begin(entry.incident, entry.message);
-                }
-                Some(_) => {}
-                None => self.board.end(entry.incident),
-            }
-        }
+        self.status.set_weighing(self.weighing.update(state));
     }
 
     fn clean_up(&mut self) {
@@ -224,22 +169,6 @@ impl Housekeeping {
     fn write_status(&self) {
         if let Err(error) = self.status.write() {
             warn!("cannot write {}: {error}", self.status.path.display());
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_message_of_a_lost_position_names_every_cause() {
-        let entry =
-            VALIDITY_INCIDENTS.iter().find(|entry| entry.reason == Validity::POSITION_UNKNOWN).unwrap();
-        for cause in
-            ["suit was restarted", "jumped", "silent for long", "computer was restarted", "plate was moved"]
-        {
-            assert!(entry.message.contains(cause), "{cause}: {}", entry.message);
         }
     }
 }

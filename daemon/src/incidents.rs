@@ -130,6 +130,18 @@ impl IncidentBoard {
         }
     }
 
+    /// Begins an incident with the sentence `what`, or updates that of an active one. `details` follow in parentheses,
+    /// but not in the journal, so that they do not make another line.
+    pub fn set_with_details(&self, kind: Incident, what: &str, details: impl FnOnce() -> String) {
+        if self.is_active(kind) {
+            self.log_if_due(kind, what);
+        } else {
+            self.begin(kind, what);
+        }
+        let message = format!("{what} ({})", details());
+        self.with_messages(|messages| messages.insert(kind.name(), message));
+    }
+
     /// Logs the line of an active incident that was suppressed at its begin because it followed another line too soon.
     fn log_if_due(&self, kind: Incident, what: &str) {
         let due =

@@ -30,3 +30,4 @@ pub mod supervision;
 pub mod thread_registry;
 pub mod tick;
 pub mod watchdog;
+mod weighing;

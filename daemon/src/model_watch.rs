@@ -87,7 +87,35 @@ impl fmt::Display for Suspicion {
         if let Some(limb) = self.limb {
             write!(f, "; it goes with the pose of the {limb}")?;
         }
-        write!(f, "; record some minutes and run `equipoise reconcile` on them")
+        write!(
+            f,
+            "; {}; if it persists, record some minutes and run `equipoise reconcile` on them",
+            self.advice()
+        )
+    }
+}
+
+impl Suspicion {
+    /// The likely causes and their remedies.
+    fn advice(&self) -> &'static str {
+        match (self.signal, self.limb) {
+            (Signal::Force, _) if self.size < 0.0 => {
+                "likely causes: a foot or hand that is supported next to the plate (stand free), a changed zero or gain \
+                 of the plate (tare it while it is empty, then identify the worker again)"
+            }
+            (Signal::Force, _) => {
+                "likely causes: a light load or clothing (put it down, or identify the worker again with it), a changed \
+                 zero or gain of the plate (tare it while it is empty, then identify the worker again)"
+            }
+            (_, Some(_)) => {
+                "likely causes: a sensor that slipped there (calibrate the suit), a light load or clothing there (put \
+                 it down, or identify the worker again with it)"
+            }
+            (_, None) => {
+                "likely causes: the suit drifted (restart it: its position is then estimated again), the plate was moved \
+                 (register it again), other clothing or another worker (identify again)"
+            }
+        }
     }
 }
 

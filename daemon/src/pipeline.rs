@@ -304,6 +304,7 @@ impl Start<'_> {
             memory: MemoryUse::default(),
             loop_faults: None,
             model_mismatch: None,
+            weighing: None,
             incidents: self.board.messages(),
             threads: Vec::new(),
         });

@@ -37,6 +37,11 @@ impl StatusFile {
         self.change(|status| status.model_mismatch = suspicion);
     }
 
+    /// Sets why the weighing does not progress; written with the next [`StatusFile::write`].
+    pub fn set_weighing(&self, reason: Option<String>) {
+        self.change(|status| status.weighing = reason);
+    }
+
     /// Sets the active incidents; written with the next [`StatusFile::write`].
     pub fn set_incidents(&self, incidents: BTreeMap<String, String>) {
         self.change(|status| status.incidents = incidents);

@@ -59,6 +59,9 @@ pub struct Status {
     /// Current discrepancy between model and measurement; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_mismatch: Option<String>,
+    /// Why the weighing of the subject does not progress; `None` while it does, and with a mass.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weighing: Option<String>,
     /// Active incidents: the daemon's message by name.
     #[serde(default)]
     pub incidents: BTreeMap<String, String>,

@@ -252,12 +252,36 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
 
 #[cfg(test)]
 mod tests {
+    use bytemuck::Zeroable;
+    use equipoise_core::message::SuitSample;
+
     use super::*;
+    use crate::faults::injection::Injection;
     use crate::session::TICK_NS;
 
     #[test]
     fn an_error_that_is_not_a_number_is_wrong() {
         assert_eq!([2.9, 3.1, f64::NAN].map(|error| exceeds(error, 3.0)), [false, true, true]);
+    }
+
+    #[test]
+    fn a_late_suit_is_silent_and_then_sends_earlier_poses_under_its_own_stamps() {
+        let mut injection = Injection::at(1.0, Fault::LateSuit);
+        let mut arrived = 0;
+        for index in 0..300_u64 {
+            let (time_s, stamp_ns) = (0.01 * index as f64, 10_000_000 * (index + 1));
+            let com_m = [time_s, 0.0, 0.0];
+            let mut suit = vec![SuitSample { sample_time_ns: stamp_ns, com_m, ..SuitSample::zeroed() }];
+            injection.put(Fault::LateSuit, time_s, &mut suit, &mut Vec::new());
+            let late_s = if time_s > 1.295 { 0.3 } else { 0.0 };
+            for sample in suit.iter().filter(|_| (time_s - 1.3).abs() > 0.005) {
+                arrived += 1;
+                assert!(!(0.995..1.295).contains(&time_s), "{time_s} s: nothing arrives twice");
+                assert_eq!(sample.sample_time_ns, stamp_ns);
+                assert!((sample.com_m[0] - time_s + late_s).abs() < 1e-9, "{time_s} s: {}", sample.com_m[0]);
+            }
+        }
+        assert_eq!(arrived, 300 - 31);
     }
 
     #[test]
@@ -272,6 +296,8 @@ mod tests {
             Fault::FrozenSuit,
             Fault::IdentityQuaternions,
             Fault::IdentityArms,
+            Fault::HighAfterGap,
+            Fault::DoubleAfterGap,
         ];
         let seeds = [3, 4];
         let all = map_in_parallel(&seeds, |seed| faults(&Subject::random(*seed), &wanted, false));

@@ -219,6 +219,9 @@ fn write_facts(out: &mut impl Write, facts: &Status, all: bool) -> std::io::Resu
     if let Some(suspicion) = &facts.model_mismatch {
         writeln!(out, "  model   {suspicion}")?;
     }
+    if let Some(reason) = &facts.weighing {
+        writeln!(out, "  mass    {reason}")?;
+    }
     if !all {
         return Ok(());
     }

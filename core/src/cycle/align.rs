@@ -109,6 +109,7 @@ pub(super) fn ingest(
         suit_suspect: plausibility.suit,
         ground_suspect: plausibility.ground,
         ground_gap_ns,
+        ground_resumed_ns: plausibility.resumed_ns,
         ground_late_ns: alignment.ground_late_ns(),
         moved_ns: plausibility.moved_ns,
     };

@@ -72,6 +72,8 @@ pub(super) struct Ground {
     pub(super) offset_n: f64,
     /// Recent rate of change of the vertical force, N/s.
     pub(super) rate_n_per_s: f64,
+    /// Stamp of the first sample after the last gap, ns; 0 for none.
+    pub(super) resumed_ns: u64,
     /// Validity flags raised by the stage.
     pub(super) invalid: Validity,
 }
@@ -147,7 +149,15 @@ pub(super) fn measure_ground(
     invalid.raise(Validity::GROUND_STALE, snapshot.ground().is_none());
     state.note_usability(invalid);
     let (reading, offset_n) = (state.last, state.force_offset.mean_n());
-    Ground { reading, standing_m, sigma, offset_n, rate_n_per_s: state.rates[0].height(), invalid }
+    Ground {
+        reading,
+        standing_m,
+        sigma,
+        offset_n,
+        rate_n_per_s: state.rates[0].height(),
+        resumed_ns: streams.ground_resumed_ns,
+        invalid,
+    }
 }
 
 /// Evaluates the newest ground sample while the suit is silent.

@@ -7,6 +7,7 @@ use super::cop_estimate::Estimate;
 use super::differentiate::Instant;
 use super::ground::Ground;
 use super::identify::Identified;
+use super::load_after_gap::{LoadAfterGap, LoadNow};
 use super::load_in_hands::{LoadInHands, hold_load, locate_load};
 use super::prediction::Prediction;
 use super::settings::{Motion, Settings};
@@ -23,6 +24,9 @@ use crate::overload::{self, FootDeviation, FootLoads, Loading, LoadingSigma, Swi
 
 /// Tolerance for a CoP outside the modelled foot outlines, m.
 pub(super) const SUPPORT_MARGIN_M: f64 = 0.02;
+/// Maximum mass in the hands, kg: eight times the reference mass of ISO 11228-1 for men, 25 kg; of people of average
+/// mass only trained athletes lift more from the floor.
+const LOAD_MAX_KG: f64 = 200.0;
 
 /// State of the stage.
 #[repr(C)]
@@ -34,6 +38,8 @@ pub(super) struct LoadState {
     pub(super) unloaded: Unloaded,
     /// Position of the load in the hands.
     pub(super) position: LoadPosition,
+    /// Comparison with the load before a gap of the ground's samples.
+    after_gap: LoadAfterGap,
 }
 
 impl LoadState {
@@ -44,7 +50,10 @@ impl LoadState {
 
     /// Whether every number is in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
-        self.detector.is_sound() && self.unloaded.is_sound() && self.position.is_sound()
+        self.detector.is_sound()
+            && self.unloaded.is_sound()
+            && self.position.is_sound()
+            && self.after_gap.is_sound()
     }
 
     /// Whether a load is carried: detected now, or detected before and not refuted since.
@@ -55,6 +64,49 @@ impl LoadState {
             Motion::Compensated { .. } => self.detector.update(delta_f_n, sigma_n, threshold_n, time_ns),
         }
     }
+
+    /// Whether the load of an instant is implausible: more than hands hold, or perhaps the effect of a gap of the
+    /// ground's samples. `is_carried`: whether there is one.
+    fn is_implausible(
+        &mut self,
+        settings: &Settings,
+        instant: &Instant,
+        ground: &Ground,
+        prediction: &Prediction,
+        subject: Identified<'_>,
+        is_carried: bool,
+    ) -> bool {
+        if settings.motion == Motion::Paper || subject.mass_kg <= 0.0 {
+            return false;
+        }
+        let (delta_f_n, sigma_n) = (delta_f_n(ground, prediction, subject), prediction.delta_f_sigma_n);
+        if is_carried && prediction.body.load_kg(delta_f_n) > LOAD_MAX_KG {
+            return true;
+        }
+        // Before the identification the mass may be that of another gain.
+        if subject.identified == 0 {
+            self.after_gap = Zeroable::zeroed();
+            return false;
+        }
+        let is_measured = prediction.is_measured && delta_f_n.is_finite() && sigma_n.is_finite();
+        let Some(sample) = instant.snapshot.ground().filter(|_| is_measured) else { return false };
+        let now = LoadNow {
+            ground_ns: sample.sample_time_ns,
+            resumed_ns: ground.resumed_ns,
+            delta_f_n,
+            sigma_n,
+            threshold_n: settings.load_threshold_n,
+            weight_m_per_s2: prediction.body.load_weight_m_per_s2(),
+            is_loaded: is_carried,
+        };
+        self.after_gap.is_doubtful(&now)
+    }
+}
+
+/// Vertical external force, N.
+fn delta_f_n(ground: &Ground, prediction: &Prediction, subject: Identified<'_>) -> f64 {
+    let unloaded_n = ground.unloaded_force_n(&subject, prediction.body.specific_force_m_per_s2);
+    ground.reading.force_n[2] - unloaded_n - prediction.terms_force_n[2]
 }
 
 /// External force and, with a load, its effect at one instant.
@@ -104,7 +156,8 @@ impl ExternalForce {
     }
 }
 
-/// Eq. 14 and 15: detects a load, and computes its torques on the plate. `None` while suit or ground is implausible.
+/// Eq. 14 and 15: detects a load, and computes its torques on the plate. `None` while samples of suit or ground are
+/// implausible.
 pub(super) fn overload(
     settings: &Settings,
     state: &mut LoadState,
@@ -118,8 +171,7 @@ pub(super) fn overload(
         return None;
     }
     let vertical_n = ground.reading.force_n[2];
-    let unloaded_n = ground.unloaded_force_n(&subject, prediction.body.specific_force_m_per_s2);
-    let delta_f_n = vertical_n - unloaded_n - prediction.terms_force_n[2];
+    let delta_f_n = delta_f_n(ground, prediction, subject);
     let sigma_n = prediction.delta_f_sigma_n;
     let loaded = state.detect(settings, delta_f_n, sigma_n, instant.snapshot.time_ns);
     let mut invalid = Validity::default();
@@ -134,9 +186,11 @@ pub(super) fn overload(
     if !is_carried {
         state.position.reset();
     }
+    let is_implausible = state.is_implausible(settings, instant, ground, prediction, subject, is_carried);
+    invalid.raise(Validity::GROUND_IMPLAUSIBLE, is_implausible);
     let has_place = !instant.place_is_lost
         && !ground.invalid.any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED));
-    let load = (is_carried && subject.has_body() && has_place).then(|| {
+    let load = (is_carried && !is_implausible && subject.has_body() && has_place).then(|| {
         let force = ExternalForce { vertical_n, delta_f_n, sigma_n };
         let hands = locate_load(
             settings,

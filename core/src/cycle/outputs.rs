@@ -16,7 +16,7 @@ pub(super) struct Outputs<'a> {
     pub(super) stillness: &'a Stillness,
     pub(super) prediction: &'a Prediction,
     pub(super) estimate: &'a Estimate,
-    /// `None` while suit or ground is implausible.
+    /// `None` while samples of suit or ground are implausible.
     pub(super) overload: Option<&'a Overload>,
     pub(super) withheld: &'a Withheld,
 }

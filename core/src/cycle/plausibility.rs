@@ -8,7 +8,7 @@
 mod jumps;
 
 use bytemuck::{Pod, Zeroable};
-use jumps::{JUMP_HOLDS_NS, JumpDetector, LEVER_MAX_M, Reading};
+use jumps::{JUMP_GAP_MAX_NS, JUMP_HOLDS_NS, JumpDetector, LEVER_MAX_M, Reading};
 
 use super::identification::Identification;
 use super::memory::EMPTY_PLATE_N;
@@ -190,6 +190,8 @@ pub(super) struct Plausibility {
     channels: [Repeats; 6],
     poses: Repeats,
     jumps: JumpDetector,
+    /// Stamp of the first ground sample after the last gap, ns; 0 for none.
+    pub(super) resumed_ns: u64,
     /// Reading of the plate when the pose last changed; a time of 0 for none.
     reading_at_pose: Reading,
     /// Largest distance that a segment moved to the newest distinct pose, m.
@@ -208,6 +210,9 @@ impl Plausibility {
     pub(super) fn check_ground(&mut self, sample: &GroundSample, before: Option<&GroundSample>) -> bool {
         let time_ns = sample.sample_time_ns;
         let from_ns = before.map_or(time_ns, |before| before.sample_time_ns);
+        if time_ns.saturating_sub(from_ns) > JUMP_GAP_MAX_NS {
+            self.resumed_ns = time_ns;
+        }
         let mut is_plausible = true;
         if sample.force_n[2] < -EMPTY_PLATE_N {
             self.ground.add(from_ns, time_ns + JUMP_HOLDS_NS);

@@ -173,6 +173,23 @@ fn the_limb_axis_and_phase_are_named() {
 }
 
 #[test]
+fn the_message_names_causes_and_remedies_of_the_signal() {
+    let message = |signal: Signal, size: f64, limb: Option<Limb>| {
+        Suspicion { signal, is_static: true, size, times_sigma: 5.0, limb }.to_string()
+    };
+    for (message, parts) in [
+        (message(Signal::Force, 9.0, None), ["light load or clothing (put it down", "tare it"]),
+        (message(Signal::Force, -9.0, None), ["foot or hand that is supported", "tare it"]),
+        (message(Signal::CopLeft, 0.03, None), ["suit drifted", "plate was moved (register it again)"]),
+        (message(Signal::CopLeft, 0.03, Some(Limb::Trunk)), ["slipped there (calibrate", "put it down"]),
+    ] {
+        for part in parts.into_iter().chain(["identify", "`equipoise reconcile`"]) {
+            assert!(message.contains(part), "{part}: {message}");
+        }
+    }
+}
+
+#[test]
 fn a_new_identification_and_another_subject_restart_the_watch() {
     for restart in [
         |state: &mut State| state.phase = Phase::Identifying as u32,

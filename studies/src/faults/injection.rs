@@ -7,8 +7,12 @@ use equipoise_core::message::{GroundSample, SuitSample};
 const GLITCH_S: f64 = 0.02;
 /// Duration of all other faults, s.
 const LASTS_S: f64 = 3.0;
-/// Delay of a late plate, s.
+/// Delay of a late plate or suit, s.
 const LATE_S: f64 = 0.3;
+/// Duration of a late suit, s: long enough that the lag is estimated again.
+const LATE_SUIT_LASTS_S: f64 = 20.0;
+/// Silence of a plate before it returns with another gain, s.
+const SILENT_S: f64 = 0.5;
 /// Rail of a saturated channel, as a fraction of the vertical force at the fault's start.
 const RAIL_RATIO: f64 = 1.02;
 
@@ -75,6 +79,12 @@ pub enum Fault {
     SuitScaled,
     /// One counter value out of sequence.
     OddCounter,
+    /// No reading for half a second, then the wrench times 1.5.
+    HighAfterGap,
+    /// No reading for half a second, then the wrench times two.
+    DoubleAfterGap,
+    /// The suit's poses are 0.3 s old: none for 0.3 s, then each that much later under the stamp of its arrival.
+    LateSuit,
 }
 
 /// State of a fault.
@@ -85,11 +95,12 @@ pub struct Injection {
     ground: Option<GroundSample>,
     suit: Option<SuitSample>,
     earlier: Vec<GroundSample>,
+    earlier_suit: Vec<SuitSample>,
 }
 
 impl Fault {
     /// Every fault, the row without one first.
-    pub const ALL: [Fault; 30] = [
+    pub const ALL: [Fault; 33] = [
         Fault::None,
         Fault::DoubleGlitch,
         Fault::HalfGlitch,
@@ -120,6 +131,9 @@ impl Fault {
         Fault::SuitTurned,
         Fault::SuitScaled,
         Fault::OddCounter,
+        Fault::HighAfterGap,
+        Fault::DoubleAfterGap,
+        Fault::LateSuit,
     ];
 
     /// Its row in the table.
@@ -155,6 +169,9 @@ impl Fault {
             Fault::SuitTurned => "suit: turned by 90°",
             Fault::SuitScaled => "suit: places times 1.2",
             Fault::OddCounter => "suit: one odd counter",
+            Fault::HighAfterGap => "plate: 0.5 s silent, then gain 1.5",
+            Fault::DoubleAfterGap => "plate: 0.5 s silent, then double",
+            Fault::LateSuit => "suit: 0.3 s late for 20 s",
         }
     }
 
@@ -162,7 +179,19 @@ impl Fault {
     pub fn lasts_s(self) -> f64 {
         match self {
             Fault::DoubleGlitch | Fault::HalfGlitch => GLITCH_S,
+            Fault::LateSuit => LATE_SUIT_LASTS_S,
             _ => LASTS_S,
+        }
+    }
+
+    /// Silence of suit and ground from the fault's start, s. A delay cannot grow without a gap: what has arrived does
+    /// not arrive again.
+    fn silent_s(self) -> [f64; 2] {
+        match self {
+            Fault::LateSuit => [LATE_S, 0.0],
+            Fault::LatePlate => [0.0, LATE_S],
+            Fault::HighAfterGap | Fault::DoubleAfterGap => [0.0, SILENT_S],
+            _ => [0.0; 2],
         }
     }
 
@@ -173,7 +202,8 @@ impl Fault {
             sample.force_n.iter_mut().chain(&mut sample.moment_nm).for_each(|value| *value *= by);
         };
         match self {
-            Fault::DoubleGlitch | Fault::Double => scale(sample, 2.0),
+            Fault::DoubleGlitch | Fault::Double | Fault::DoubleAfterGap => scale(sample, 2.0),
+            Fault::HighAfterGap => scale(sample, 1.5),
             Fault::HalfGlitch | Fault::HalfGain => scale(sample, 0.5),
             Fault::GainHigh => scale(sample, 1.2),
             Fault::GainLow => scale(sample, 0.8),
@@ -248,12 +278,18 @@ impl Injection {
     }
 
     /// Applies the fault to the samples of a time, s.
-    pub fn put(&mut self, fault: Fault, now_s: f64, suit: &mut [SuitSample], ground: &mut Vec<GroundSample>) {
+    pub fn put(
+        &mut self,
+        fault: Fault,
+        now_s: f64,
+        suit: &mut Vec<SuitSample>,
+        ground: &mut Vec<GroundSample>,
+    ) {
         let is_on = (self.span_s[0]..self.span_s[1]).contains(&now_s);
         for sample in ground.iter_mut() {
             if fault == Fault::LatePlate {
                 self.earlier.push(*sample);
-                let due_ns = sample.sample_time_ns.saturating_sub((LATE_S * 1e9) as u64);
+                let due_ns = due_ns(sample.sample_time_ns);
                 let due = self.earlier.partition_point(|earlier| earlier.sample_time_ns <= due_ns);
                 if is_on && due > 0 {
                     let old = self.earlier[due - 1];
@@ -263,15 +299,44 @@ impl Injection {
                 fault.on_ground(sample, self);
             }
         }
-        // A delay cannot grow without a gap: what has arrived does not arrive again.
-        if fault == Fault::LatePlate && is_on && now_s < self.span_s[0] + LATE_S {
-            ground.clear();
-        }
-        if is_on {
-            for sample in suit {
+        for sample in suit.iter_mut() {
+            if fault == Fault::LateSuit && now_s < self.span_s[1] {
+                self.earlier_suit.push(*sample);
+                let due_ns = due_ns(sample.sample_time_ns);
+                let due = self.earlier_suit.partition_point(|earlier| earlier.sample_time_ns <= due_ns);
+                if is_on && due > 0 {
+                    *sample = with_pose_of(sample, &self.earlier_suit[due - 1]);
+                }
+            } else if is_on {
                 fault.on_suit(sample, self);
             }
         }
+        let [suit_until_s, ground_until_s] = fault.silent_s().map(|silent_s| self.span_s[0] + silent_s);
+        if is_on && now_s < suit_until_s {
+            suit.clear();
+        }
+        if is_on && now_s < ground_until_s {
+            ground.clear();
+        }
+    }
+}
+
+/// Stamp of the sample that a late stream delivers at a time, ns.
+fn due_ns(now_ns: u64) -> u64 {
+    now_ns.saturating_sub((LATE_S * 1e9) as u64)
+}
+
+/// The body of an earlier sample under the stamps and counters of this one.
+fn with_pose_of(sample: &SuitSample, earlier: &SuitSample) -> SuitSample {
+    SuitSample {
+        position_m: earlier.position_m,
+        orientation_wxyz: earlier.orientation_wxyz,
+        velocity_m_per_s: earlier.velocity_m_per_s,
+        acceleration_m_per_s2: earlier.acceleration_m_per_s2,
+        angular_velocity_rad_per_s: earlier.angular_velocity_rad_per_s,
+        joint_angle_deg: earlier.joint_angle_deg,
+        com_m: earlier.com_m,
+        ..*sample
     }
 }
 

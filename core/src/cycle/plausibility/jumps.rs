@@ -25,8 +25,8 @@ pub(super) const LEVER_MAX_M: f64 = 0.3;
 /// a jump over some ms. Without a filter, the single step detects smaller jumps, because a body loads the plate less in
 /// it.
 const JUMP_OVER_NS: u64 = 2_000_000;
-/// Over longer gaps the rate is unavailable, ns.
-const JUMP_GAP_MAX_NS: u64 = 100_000_000;
+/// Over longer gaps the rate is unavailable, ns: `load_after_gap` compares the load with that before.
+pub(super) const JUMP_GAP_MAX_NS: u64 = 100_000_000;
 /// Time after a jump at which the reading is checked for its return, ns.
 const JUMP_SETTLES_NS: u64 = 25_000_000;
 /// Time for which a jump makes the subsequent readings suspect, ns: twice the window of a motion.
@@ -131,9 +131,15 @@ impl JumpDetector {
         let last = core::mem::replace(&mut self.last, now);
         let step_ns = now.time_ns.saturating_sub(last.time_ns);
         if step_ns > JUMP_GAP_MAX_NS {
+            let jump = self.jump;
             self.restart();
             (self.readings, self.last, self.level) = ([now; 2], now, now);
-            return None;
+            if jump.from.time_ns == 0 {
+                return None;
+            }
+            // A gap does not end a jump. The level starts again, and with it the evidence.
+            self.jump = Jump { detected_ns: now.time_ns, by: [0.0; 2], ..jump };
+            return Some(jump.from.time_ns);
         }
         let compared = [self.readings[0], last];
         let newer = self.readings[1];

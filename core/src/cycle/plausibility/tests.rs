@@ -136,6 +136,21 @@ fn a_weight_agreement_before_a_jump_does_not_end_it() {
 }
 
 #[test]
+fn a_gap_does_not_end_a_jump() {
+    let mut plate = Plate::new();
+    plate.feed(1000, scaled(1.5));
+    for _ in 0..90 {
+        plate.watch.ingest_weight_agreement(Some(true), 0.01);
+    }
+    plate.millisecond += 500;
+    plate.feed(30, scaled(1.5));
+    plate.watch.ingest_weight_agreement(Some(true), 0.5);
+    assert_eq!(plate.feed(3000, scaled(1.5)), 0, "the agreement before the gap does not count");
+    plate.watch.ingest_weight_agreement(Some(true), 0.6);
+    assert_eq!(plate.feed(1000, scaled(1.5)), 1000, "the weight agrees");
+}
+
+#[test]
 fn noise_that_has_ended_does_not_mask_a_jump() {
     let mut plate = Plate::new();
     let noisy = |index: u64, sample: &mut GroundSample| {

@@ -141,6 +141,8 @@ pub(in crate::cycle) struct Disturbance {
     pub(in crate::cycle) outside: f64,
     /// Reading of the empty plate, N.
     pub(in crate::cycle) zero_n: f64,
+    /// Gain of the plate minus one.
+    pub(in crate::cycle) gain_error: f64,
     /// `GroundDevice` bits.
     pub(in crate::cycle) devices: u32,
     /// 1-σ of the ground's sample times, ns.
@@ -153,17 +155,18 @@ impl Disturbance {
     fn of(self, ground: GroundSample) -> GroundSample {
         let Disturbance { shear_n, push_n, outside, zero_n, devices, time_sigma_ns, .. } = self;
         let ([fx, fy, fz], [mx, my, mz], on_plate) = (ground.force_n, ground.moment_nm, 1.0 - outside);
+        let amplified = |wrench: [f64; 3]| wrench.map(|value| (1.0 + self.gain_error) * value);
         // Only the left foot is on the plate, which shifts the reaction to the left.
         let lateral_nm = 0.2 * outside * on_plate * fz;
         let unlike = 1.0 + 1e-9 * (ground.sequence % 2) as f64;
         GroundSample {
             // Exactly repeated values other than zero count as implausible.
-            force_n: [
+            force_n: amplified([
                 fx + shear_n[0] * unlike - push_n,
                 fy + shear_n[1] * unlike,
                 on_plate * fz + zero_n * unlike,
-            ],
-            moment_nm: [on_plate * mx + lateral_nm, on_plate * my - 1.2 * push_n, mz],
+            ]),
+            moment_nm: amplified([on_plate * mx + lateral_nm, on_plate * my - 1.2 * push_n, mz]),
             devices,
             sample_time_sigma_ns: time_sigma_ns,
             ..ground

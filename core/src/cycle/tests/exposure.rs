@@ -212,6 +212,42 @@ fn a_force_that_is_doubled_for_20_ms_changes_no_dose_and_for_200_ms_it_does() {
 }
 
 #[test]
+fn implausible_samples_under_a_load_add_no_row_no_lift_no_dose_and_no_fatigue() {
+    let person = Person::real();
+    let at = lifted_box(&person, &carrying_pose());
+    let load = Some((KG, at));
+    // Number of cycles with an implausible ground; states after the glitch, and after the box is put down.
+    let states_with = |gain_error: f64| {
+        let mut bench = carrying(&person, 1500);
+        bench.disturbance.gain_error = gain_error;
+        bench.hold(&person, &carrying_pose(), load, 20);
+        bench.disturbance.gain_error = 0.0;
+        let is_implausible = |bench: &mut Bench| {
+            bench.hold(&person, &carrying_pose(), load, 1);
+            bench.state().validity().any_of(Validity::GROUND_IMPLAUSIBLE)
+        };
+        let implausible = (0..1500).filter(|_| is_implausible(&mut bench)).count();
+        let carried = *bench.state();
+        bench.hold(&person, &carrying_pose(), None, 1500);
+        (implausible, carried, *bench.state())
+    };
+    let (none, plain, plain_end) = states_with(0.0);
+    let (some, glitched, glitched_end) = states_with(1.0);
+    assert!(none == 0 && (200..700).contains(&some), "{none} {some}");
+    let learnt = |state: &State| {
+        let State { poses_used, motion_samples_used, mass_kg, variance_max_m2, .. } = *state;
+        (poses_used, motion_samples_used, [mass_kg, variance_max_m2, state.predicted_cop_sigma_m])
+    };
+    assert_eq!(learnt(&glitched), learnt(&plain));
+    assert_eq!((glitched.lifts, plain.lifts), (0, 0));
+    assert_eq!((glitched_end.lifts, plain_end.lifts), (1, 1));
+    assert!((glitched_end.dose_damage / plain_end.dose_damage - 1.0).abs() < 1e-3, "the peak");
+    let worst = plain.worst_joint as usize;
+    let (of_glitched, of_plain) = (glitched.fatigue[worst], plain.fatigue[worst]);
+    assert!(of_glitched > 0.0 && of_glitched <= of_plain, "{of_glitched} {of_plain}");
+}
+
+#[test]
 fn levels_follow_table_1_where_sigma_is_small() {
     let person = Person::real();
     // Long enough to determine the load's position in the hands.

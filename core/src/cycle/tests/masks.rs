@@ -175,3 +175,82 @@ fn an_odd_counter_at_the_start_of_a_suit_is_no_restart() {
     }
     assert!(!bench.state().validity().any_of(Validity::POSITION_UNKNOWN), "it is higher, then as before");
 }
+
+/// Arms that hang: the hands are near the centre of pressure, where another gain of the plate resembles a load.
+fn hanging() -> Posture {
+    stand(0, 0, [-80, 0, 0], [80, 0, 0], 0)
+}
+
+/// An identified subject without a load.
+fn identified(person: &Person) -> Bench {
+    let mut bench = Bench::new(|_| {});
+    bench.identify(person);
+    bench.hold(person, &hanging(), None, 2500);
+    bench
+}
+
+/// The plate is silent for half a second and has this gain afterwards. Returns the number of cycles with valid torques
+/// in the two seconds after it.
+fn after_a_gap(bench: &mut Bench, person: &Person, gain_error: f64, load_kg: f64) -> u32 {
+    let load = (load_kg > 0.0).then(|| (load_kg, lifted_box(person, &hanging())));
+    bench.ground_silent = true;
+    bench.hold(person, &hanging(), load, 500);
+    bench.ground_silent = false;
+    bench.disturbance.gain_error = gain_error;
+    let mut valid = 0;
+    for _ in 0..2000 {
+        bench.hold(person, &hanging(), load, 1);
+        valid += u32::from(!bench.state().validity().any_of(Validity::INVALIDATES_TORQUES));
+    }
+    valid
+}
+
+#[test]
+fn a_gain_that_changed_over_a_gap_is_no_load_until_the_weight_alone_was_measured() {
+    let person = Person::real();
+    for gain_error in [0.5, 1.0] {
+        let mut bench = identified(&person);
+        assert_eq!(after_a_gap(&mut bench, &person, gain_error, 0.0), 0);
+        let state = bench.state();
+        assert!(state.validity().any_of(Validity::GROUND_IMPLAUSIBLE), "{:?}", state.validity());
+        assert_eq!((state.delta_f_n[2], state.lifted_mass_kg), (0.0, 0.0));
+
+        after_a_gap(&mut bench, &person, 0.0, 0.0);
+        let valid = bench.state().validity();
+        assert!(!valid.any_of(Validity::GROUND_IMPLAUSIBLE), "{valid:?}");
+        assert!(valid.any_of(Validity::BELOW_LOAD_THRESHOLD), "{valid:?}");
+        let at = lifted_box(&person, &hanging());
+        bench.hold(&person, &hanging(), Some((6.0, at)), 2000);
+        let valid = bench.state().validity();
+        assert!(!valid.any_of(Validity::INVALIDATES_TORQUES), "the gain is confirmed: {valid:?}");
+    }
+}
+
+#[test]
+fn the_load_from_before_a_gap_of_the_plate_is_valid_after_it_and_another_one_is_not() {
+    let person = Person::real();
+    let mut bench = identified(&person);
+    let at = lifted_box(&person, &hanging());
+    bench.hold(&person, &hanging(), Some((6.0, at)), 4000);
+    assert!(after_a_gap(&mut bench, &person, 0.0, 6.0) > 1000, "the same load");
+    assert_eq!(after_a_gap(&mut bench, &person, 0.0, 12.0), 0, "taken in the gap");
+    bench.hold(&person, &hanging(), None, 1500);
+    bench.hold(&person, &hanging(), Some((12.0, at)), 2000);
+    let valid = bench.state().validity();
+    assert!(!valid.any_of(Validity::INVALIDATES_TORQUES), "taken again: {valid:?}");
+}
+
+#[test]
+fn a_load_that_no_person_holds_is_implausible() {
+    let person = Person::real();
+    let mut bench = identified(&person);
+    bench.takes_ms = 1500.0;
+    let at = lifted_box(&person, &hanging());
+    for (kg, is_implausible) in [(150.0, false), (260.0, true)] {
+        bench.hold(&person, &hanging(), Some((kg, at)), 2500);
+        let state = bench.state();
+        let valid = state.validity();
+        assert_eq!(valid.any_of(Validity::GROUND_IMPLAUSIBLE), is_implausible, "{kg} kg: {valid:?}");
+        assert_eq!(state.lifted_mass_kg == 0.0, valid.any_of(Validity::INVALIDATES_LIFTED_MASS));
+    }
+}
