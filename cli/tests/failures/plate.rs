@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_core::message::Validity;
 
+use crate::malformed_datagrams::assert_memory_bounded;
 use crate::monitor::Monitor;
 use crate::process::wait_for;
 use crate::station::Station;
@@ -89,7 +90,7 @@ fn records_that_are_not_new_are_counted_and_not_used() {
     monitor.until("more good records", |monitor| monitor.ground().published > published + 50);
     monitor.until("both sensors", Monitor::both_fresh);
     assert!(daemon.is_running());
-    daemon.assert_memory_bounded();
+    assert_memory_bounded(&daemon);
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
 }
 

@@ -10,9 +10,6 @@ use rustix::process::{Pid, Signal, kill_process};
 /// Time limit of every wait, on a machine whose cores and disk have much other load.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(90);
 
-/// Memory that no data sent to a process may make it exceed, KiB: 1 GiB.
-const MEMORY_MAX_KIB: u64 = 1 << 20;
-
 /// Polls until there is a result. A pause is as long as the probe before it, within limits: a probe that starts a
 /// process would occupy a core.
 pub(crate) fn wait_for<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
@@ -62,16 +59,6 @@ impl Process {
 
     pub(crate) fn is_running(&mut self) -> bool {
         self.child.try_wait().expect("a child").is_none()
-    }
-
-    /// Asserts that its resident memory has never exceeded the limit; it must be running.
-    #[track_caller]
-    pub(crate) fn assert_memory_bounded(&self) {
-        let path = format!("/proc/{}/status", self.id());
-        let status = std::fs::read_to_string(path).expect("a running process");
-        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).expect("VmHWM");
-        let kib: u64 = peak.trim().trim_end_matches(" kB").parse().expect("a number");
-        assert!(kib < MEMORY_MAX_KIB, "{kib} KiB");
     }
 
     /// Waits until it has ended by itself.

@@ -10,6 +10,7 @@ use equipoise_simulator::ports::free_address;
 use rustix::process::Signal;
 use serde_json::Value;
 
+use crate::malformed_datagrams::assert_memory_bounded;
 use crate::adapters::adapter;
 use crate::monitor::Monitor;
 use crate::process::{Process, TIMEOUT, wait_for};
@@ -126,7 +127,7 @@ fn a_suit_over_tcp_survives_damage_and_reconnection() {
     monitor.until("the suit's silence", |monitor| monitor.has(Validity::SUIT_STALE));
     let _suit = streams::suits_over_tcp(port, &[0]);
     monitor.until("the suit again", Monitor::both_fresh);
-    daemon.assert_memory_bounded();
+    assert_memory_bounded(&daemon);
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
 
     // The daemon holds the port, so the doctor queries it.

@@ -41,7 +41,7 @@ impl FinishedFiles {
             let Some(date) = now.checked_sub(finished.elapsed()) else { continue };
             match open_regular(path).and_then(|file| file.set_modified(date)) {
                 Ok(()) => {
-                    info!("the system clock was set: corrected the modification time of {}", path.display())
+                    info!("the system clock was set: corrected the modification time of {}", path.display());
                 }
                 Err(error) => warn!(
                     "cannot correct the modification time of {} after a clock step: {error}",

@@ -68,7 +68,8 @@ fn a_reset_moves_the_stance_offset_into_the_anchor_and_keeps_its_uncertainty() {
         bench.hold(&person, &upright, None, 20);
         assert_eq!(bench.memory.identification.body_source(), BodySource::NullPose);
     };
-    let resets: [(&str, &dyn Fn(&mut Bench)); 5] = [
+    type Reset<'a> = &'a dyn Fn(&mut Bench);
+    let resets: [(&str, Reset<'_>); 5] = [
         ("identify reset", &|bench| bench.command(CommandKind::IdentifyReset)),
         ("reload before the first measurement", &|bench| bench.command(CommandKind::Reload)),
         ("another subject", &another_subject),

@@ -175,15 +175,11 @@ fn a_zero_that_drifted_before_a_restart_is_no_load_after_it() {
     assert!(!is_loaded && delta_f_n.abs() < 1.0, "{delta_f_n}");
     assert!((4.9..5.0).contains(&sigma_n), "that of a mass of another source: {sigma_n}");
     assert_eq!(restarted(&|stored| stored.force_offset.sigma_n = 20.0).2.round(), 20.0);
-    let unusable: [(&str, &dyn Fn(&mut StoredState)); 4] = [
-        ("another mass", &|stored| stored.force_offset.mass_kg += 1.0),
-        ("not finite", &|stored| stored.force_offset.mean_n = f64::NAN),
-        ("larger than any drift", &|stored| stored.force_offset.mean_n = 1e3),
-        ("a negative σ", &|stored| stored.force_offset.sigma_n = -1.0),
-    ];
-    for (name, change) in unusable {
-        assert!(restarted(change).1 > 17.0, "{name}");
-    }
+    // Another mass; not finite; larger than any drift; a negative σ.
+    assert!(restarted(&|stored| stored.force_offset.mass_kg += 1.0).1 > 17.0);
+    assert!(restarted(&|stored| stored.force_offset.mean_n = f64::NAN).1 > 17.0);
+    assert!(restarted(&|stored| stored.force_offset.mean_n = 1e3).1 > 17.0);
+    assert!(restarted(&|stored| stored.force_offset.sigma_n = -1.0).1 > 17.0);
 }
 
 #[test]
