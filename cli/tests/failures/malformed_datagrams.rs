@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use equipoise_adapters::suit::SuitRefusal;
 
 use crate::monitor::Monitor;
+use crate::process::Process;
 use crate::station::Station;
 use crate::streams::{self, FakePlate, Stream};
 
