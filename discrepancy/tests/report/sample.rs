@@ -105,62 +105,20 @@ fn autocorrelation(values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
+impl Moment {
+    fn before(&self, axis: usize) -> f64 {
+        self.effect[axis] + self.noise[axis]
+    }
+
+    /// After a change that removes `fraction` of the effect.
+    fn after(&self, axis: usize, fraction: f64) -> f64 {
+        (1.0 - fraction) * self.effect[axis] + self.noise[axis]
+    }
+}
+
 /// A load in the right hand from a third of the work on; the change removes `fraction` of it.
 fn picture(work_s: f64, fraction: f64) -> Picture {
     let moments = moments(work_s);
-    let before = |m: &Moment, axis: usize| m.effect[axis] + m.noise[axis];
-    let after = |m: &Moment, axis: usize| (1.0 - fraction) * m.effect[axis] + m.noise[axis];
-    let each = |axis: usize| Signal::ALL[axis];
-    let time = (0..3).map(|axis| {
-        let point = |m: &Moment| TimePoint {
-            time_s: m.time_s,
-            still: m.still,
-            before: before(m, axis),
-            after: after(m, axis),
-            noise_sigma: SIGMA[axis] * if m.still { 0.9 } else { 1.3 },
-        };
-        TimePlot { signal: each(axis), points: moments.iter().map(point).collect() }
-    });
-    let pose = [(0, "right arm elevation"), (0, "trunk inclination"), (1, "right arm elevation")];
-    let pose = pose.into_iter().map(|(axis, feature)| {
-        let value =
-            |m: &Moment| if feature.starts_with("trunk") { m.inclination_deg } else { m.elevation_deg };
-        let point =
-            |m: &Moment| PosePoint { feature: value(m), before: before(m, axis), after: after(m, axis) };
-        let points = moments.iter().map(point).collect();
-        PosePlot {
-            signal: each(axis),
-            feature: feature.to_owned(),
-            unit: "°",
-            points,
-            noise_sigma: SIGMA[axis],
-        }
-    });
-    let point = |m: &Moment| PredictorPoint { predicted: m.effect[0], residual: before(m, 0) };
-    let carried = moments.iter().filter(|m| m.effect[0] != 0.0);
-    let predictors = if fraction > 0.0 {
-        vec![PredictorPlot {
-            effect: "hand_load right".to_owned(),
-            signal: Signal::CopX,
-            points: carried.map(point).collect(),
-            noise_sigma: SIGMA[0],
-        }]
-    } else {
-        Vec::new()
-    };
-    let whiteness = (0..3).map(|axis| {
-        let white = |colour: f64| -> Vec<f64> {
-            let mut chance = Chance(axis as u64 + 3);
-            let value = |m: &Moment| chance.next() + colour * m.effect[axis] / SIGMA[axis];
-            moments.iter().map(value).collect()
-        };
-        Whiteness {
-            signal: each(axis),
-            before: autocorrelation(&white(1.0)),
-            after: autocorrelation(&white(1.0 - fraction)),
-            bound: 1.96 / (moments.len() as f64).sqrt(),
-        }
-    });
     Picture {
         spans_s: Spans {
             identify: [12.0, 96.5],
@@ -171,10 +129,12 @@ fn picture(work_s: f64, fraction: f64) -> Picture {
         length_s: 268.0 + work_s,
         block_s: BLOCK_S,
         threshold_log_odds: 7.0,
-        time: time.collect(),
-        pose: pose.collect(),
-        predictors,
-        whiteness: whiteness.collect(),
+        time: (0..3).map(|axis| time_plot(&moments, fraction, axis)).collect(),
+        pose: [(0, "right arm elevation"), (0, "trunk inclination"), (1, "right arm elevation")]
+            .map(|(axis, feature)| pose_plot(&moments, fraction, axis, feature))
+            .into(),
+        predictors: if fraction > 0.0 { vec![predictor_plot(&moments)] } else { Vec::new() },
+        whiteness: (0..3).map(|axis| whiteness(&moments, fraction, axis)).collect(),
         surprise: surprise(&moments, fraction),
         windows: vec![
             Window {
@@ -192,29 +152,73 @@ fn picture(work_s: f64, fraction: f64) -> Picture {
                 times_noise_after: 1.22,
             },
         ],
-        phases: (0..3)
-            .flat_map(|axis| {
-                let floor = SIGMA[axis];
-                let phase = move |phase, before: f64, after: f64| PhaseGap {
-                    phase,
-                    signal: each(axis),
-                    before,
-                    after,
-                    noise_floor: floor,
-                };
-                [
-                    phase(Phase::Identify, floor * 0.93, floor * 0.93),
-                    phase(Phase::Reference, floor * 1.04, floor * 1.04),
-                    phase(
-                        Phase::Work,
-                        rms(moments.iter().map(|m| before(m, axis))),
-                        rms(moments.iter().map(|m| after(m, axis))),
-                    ),
-                ]
-            })
-            .collect(),
+        phases: (0..3).flat_map(|axis| phase_gaps(&moments, fraction, axis)).collect(),
         unseen: Vec::new(),
     }
+}
+
+fn time_plot(moments: &[Moment], fraction: f64, axis: usize) -> TimePlot {
+    let point = |m: &Moment| TimePoint {
+        time_s: m.time_s,
+        still: m.still,
+        before: m.before(axis),
+        after: m.after(axis, fraction),
+        noise_sigma: SIGMA[axis] * if m.still { 0.9 } else { 1.3 },
+    };
+    TimePlot { signal: Signal::ALL[axis], points: moments.iter().map(point).collect() }
+}
+
+fn pose_plot(moments: &[Moment], fraction: f64, axis: usize, feature: &str) -> PosePlot {
+    let value = |m: &Moment| if feature.starts_with("trunk") { m.inclination_deg } else { m.elevation_deg };
+    let point =
+        |m: &Moment| PosePoint { feature: value(m), before: m.before(axis), after: m.after(axis, fraction) };
+    PosePlot {
+        signal: Signal::ALL[axis],
+        feature: feature.to_owned(),
+        unit: "°",
+        points: moments.iter().map(point).collect(),
+        noise_sigma: SIGMA[axis],
+    }
+}
+
+/// The load against what remains of the CoP forwards.
+fn predictor_plot(moments: &[Moment]) -> PredictorPlot {
+    let point = |m: &Moment| PredictorPoint { predicted: m.effect[0], residual: m.before(0) };
+    let carried = moments.iter().filter(|m| m.effect[0] != 0.0);
+    PredictorPlot {
+        effect: "hand_load right".to_owned(),
+        signal: Signal::CopX,
+        points: carried.map(point).collect(),
+        noise_sigma: SIGMA[0],
+    }
+}
+
+fn whiteness(moments: &[Moment], fraction: f64, axis: usize) -> Whiteness {
+    let white = |colour: f64| -> Vec<f64> {
+        let mut chance = Chance(axis as u64 + 3);
+        let value = |m: &Moment| chance.next() + colour * m.effect[axis] / SIGMA[axis];
+        moments.iter().map(value).collect()
+    };
+    Whiteness {
+        signal: Signal::ALL[axis],
+        before: autocorrelation(&white(1.0)),
+        after: autocorrelation(&white(1.0 - fraction)),
+        bound: 1.96 / (moments.len() as f64).sqrt(),
+    }
+}
+
+fn phase_gaps(moments: &[Moment], fraction: f64, axis: usize) -> [PhaseGap; 3] {
+    let (floor, signal) = (SIGMA[axis], Signal::ALL[axis]);
+    let gap = |phase, before: f64, after: f64| PhaseGap { phase, signal, before, after, noise_floor: floor };
+    [
+        gap(Phase::Identify, floor * 0.93, floor * 0.93),
+        gap(Phase::Reference, floor * 1.04, floor * 1.04),
+        gap(
+            Phase::Work,
+            rms(moments.iter().map(|m| m.before(axis))),
+            rms(moments.iter().map(|m| m.after(axis, fraction))),
+        ),
+    ]
 }
 
 fn surprise(moments: &[Moment], fraction: f64) -> Vec<SurpriseBin> {
@@ -280,54 +284,13 @@ fn set_aside(name: &str, log_odds: f64, why: &str) -> SetAside {
 /// A load in the right hand is named.
 pub(crate) fn named(work_s: f64) -> Sample {
     let picture = picture(work_s, 0.985);
-    let parameter = |value, sigma, unit| Estimate { value, sigma, unit };
     let from_s = 262.0 + 0.3 * work_s;
-    let effect = Named {
-        name: "hand_load".to_owned(),
-        place: BTreeMap::from([
-            ("hand".to_owned(), "right".into()),
-            ("from_s".to_owned(), from_s.into()),
-            ("to_s".to_owned(), (262.0 + work_s).into()),
-        ]),
-        parameters: BTreeMap::from([
-            ("mass_kg".to_owned(), parameter(1.5134, 0.0312, "kg")),
-            ("mx_kg_m".to_owned(), parameter(0.0041, 0.0093, "kg m")),
-        ]),
-        log_odds: 204.3,
-        probability: 0.981,
-        runner_up: None,
-        family: Vec::new(),
-    };
     let finding = Finding {
         verdict: Verdict::Named,
         decided: true,
-        effects: vec![effect],
-        candidates: vec![
-            candidate("hand_load right", 204.3),
-            candidate("worn_mass RightForearm", 181.9),
-            candidate("hand_load both", 96.4),
-            candidate("worn_mass RightUpperArm", 88.0),
-            candidate("hand_contact right", 61.7),
-            candidate("worn_mass T8", 40.2),
-            candidate("force_gain", 33.8),
-            candidate("plate_offset", 5.1),
-            candidate("segment_misalignment RightUpperArm", 2.2),
-            candidate("suit_lag", -2.9),
-        ],
-        set_aside: vec![
-            set_aside(
-                "worn_mass RightForearm",
-                181.9,
-                "the elbow was bent often enough: at the forearm the mass fits worse",
-            ),
-            set_aside("force_gain", 33.8, "the mass is outside its place"),
-            set_aside(
-                "hand_contact right",
-                61.7,
-                "moves with the hand, as a weight does and a bench does not",
-            ),
-            set_aside("plate_offset", 5.1, "below the negligible size"),
-        ],
+        effects: vec![hand_load(from_s, 262.0 + work_s)],
+        candidates: candidates(),
+        set_aside: all_set_aside(),
         unexplained: Vec::new(),
         gap: gap(&picture),
         spans: vec![Suspicion {
@@ -346,6 +309,55 @@ pub(crate) fn named(work_s: f64) -> Sample {
         [[effect]]\nname = \"hand_load\"\nwhere = { hand = \"right\" }\nspan_s = [289.0, 352.0]\nopen_ended = true\n\
         log_odds = 204.3\n\n[effect.parameters.mass_kg]\nvalue = 1.5134\nsigma = 0.0312\nunit = \"kg\"\n";
     Sample { finding, picture, origin: origin(), toml: Some(toml.to_owned()) }
+}
+
+/// The named effect.
+fn hand_load(from_s: f64, to_s: f64) -> Named {
+    let parameter = |value, sigma, unit| Estimate { value, sigma, unit };
+    Named {
+        name: "hand_load".to_owned(),
+        place: BTreeMap::from([
+            ("hand".to_owned(), "right".into()),
+            ("from_s".to_owned(), from_s.into()),
+            ("to_s".to_owned(), to_s.into()),
+        ]),
+        parameters: BTreeMap::from([
+            ("mass_kg".to_owned(), parameter(1.5134, 0.0312, "kg")),
+            ("mx_kg_m".to_owned(), parameter(0.0041, 0.0093, "kg m")),
+        ]),
+        log_odds: 204.3,
+        probability: 0.981,
+        runner_up: None,
+        family: Vec::new(),
+    }
+}
+
+fn candidates() -> Vec<Candidate> {
+    vec![
+        candidate("hand_load right", 204.3),
+        candidate("worn_mass RightForearm", 181.9),
+        candidate("hand_load both", 96.4),
+        candidate("worn_mass RightUpperArm", 88.0),
+        candidate("hand_contact right", 61.7),
+        candidate("worn_mass T8", 40.2),
+        candidate("force_gain", 33.8),
+        candidate("plate_offset", 5.1),
+        candidate("segment_misalignment RightUpperArm", 2.2),
+        candidate("suit_lag", -2.9),
+    ]
+}
+
+fn all_set_aside() -> Vec<SetAside> {
+    vec![
+        set_aside(
+            "worn_mass RightForearm",
+            181.9,
+            "the elbow was bent often enough: at the forearm the mass fits worse",
+        ),
+        set_aside("force_gain", 33.8, "the mass is outside its place"),
+        set_aside("hand_contact right", 61.7, "moves with the hand, as a weight does and a bench does not"),
+        set_aside("plate_offset", 5.1, "below the negligible size"),
+    ]
 }
 
 /// No effect is missing in the model.
