@@ -54,63 +54,95 @@ impl Stream {
     }
 }
 
-/// All datagrams of one sample of a standing, swaying person.
+/// A standing, swaying person at one instant.
+struct Person {
+    /// Deflection, −1 to 1.
+    sway: f32,
+}
+
+impl Person {
+    fn position(&self, segment_id: u32) -> [f32; 3] {
+        let height = if segment_id > 15 { 0.1 } else { 0.9 + segment_id as f32 / 20.0 };
+        [0.02 * self.sway, 0.01 * segment_id as f32, height]
+    }
+
+    fn orientation_wxyz(&self) -> [f32; 4] {
+        [(1.0 - 0.01 * self.sway * self.sway).sqrt(), 0.1 * self.sway, 0.0, 0.0]
+    }
+
+    /// Every velocity, acceleration and angle.
+    fn motion(&self) -> [f32; 3] {
+        [0.01 * self.sway, -0.02 * self.sway, 0.003]
+    }
+
+    fn pose(&self, segment_id: u32) -> SegmentPose {
+        SegmentPose {
+            segment_id,
+            position_m: self.position(segment_id),
+            orientation_wxyz: self.orientation_wxyz(),
+        }
+    }
+
+    fn linear(&self, segment_id: u32) -> LinearKinematics {
+        LinearKinematics {
+            segment_id,
+            position_m: self.position(segment_id),
+            velocity_m_per_s: self.motion(),
+            acceleration_m_per_s2: self.motion(),
+        }
+    }
+
+    fn angular(&self, segment_id: u32) -> AngularKinematics {
+        AngularKinematics {
+            segment_id,
+            orientation_wxyz: self.orientation_wxyz(),
+            angular_velocity_rad_per_s: self.motion(),
+            angular_acceleration_rad_per_s2: self.motion(),
+        }
+    }
+
+    fn joint(&self, index: usize) -> JointAngle {
+        let (parent_point, child_point) = BODY_JOINT_POINTS.get(index).copied().unwrap_or((0x0500, 0x0700));
+        JointAngle { parent_point, child_point, angle_deg: self.motion() }
+    }
+
+    fn tracker(&self) -> Tracker {
+        Tracker {
+            segment_id: 1,
+            orientation_wxyz: self.orientation_wxyz(),
+            free_acceleration: self.motion(),
+            felt: Some([[0.0, 0.0, 9.81], self.motion()]),
+            magnetic: [0.4, 0.0, -0.8],
+        }
+    }
+
+    fn com(&self) -> CentreOfMass {
+        let (velocity_m_per_s, acceleration_m_per_s2) = (self.motion(), self.motion());
+        let motion = centre_of_mass::Motion { velocity_m_per_s, acceleration_m_per_s2 };
+        CentreOfMass { position_m: [0.0, 0.0, 1.0], motion: Some(motion) }
+    }
+}
+
+/// All datagrams of one sample.
 fn sample(counter: u32, gloves: bool) -> Vec<Vec<u8>> {
     let segments = if gloves { 23 + FINGERS } else { 23 };
-    let sway = (counter as f32 * 0.026).sin();
+    let person = Person { sway: (counter as f32 * 0.026).sin() };
     let header = Header {
         finger_segments: if gloves { FINGERS as u8 } else { 0 },
         ..Header::new(counter, counter * 25 / 6, 0)
     };
     let ids = 1..=segments as u32;
-    let orientation_wxyz = [(1.0 - 0.01 * sway * sway).sqrt(), 0.1 * sway, 0.0, 0.0];
-    let position = |id: u32| {
-        let height = if id > 15 { 0.1 } else { 0.9 + id as f32 / 20.0 };
-        [0.02 * sway, 0.01 * id as f32, height]
-    };
-    let motion = [0.01 * sway, -0.02 * sway, 0.003];
-    let poses: Vec<_> = ids
-        .clone()
-        .map(|segment_id| SegmentPose { segment_id, position_m: position(segment_id), orientation_wxyz })
-        .collect();
-    let linear: Vec<_> = ids
-        .clone()
-        .map(|segment_id| LinearKinematics {
-            segment_id,
-            position_m: position(segment_id),
-            velocity_m_per_s: motion,
-            acceleration_m_per_s2: motion,
-        })
-        .collect();
-    let angular: Vec<_> = ids
-        .map(|segment_id| AngularKinematics {
-            segment_id,
-            orientation_wxyz,
-            angular_velocity_rad_per_s: motion,
-            angular_acceleration_rad_per_s2: motion,
-        })
-        .collect();
-    let joints: Vec<_> = (0..JOINTS)
-        .map(|index| {
-            let (parent_point, child_point) =
-                BODY_JOINT_POINTS.get(index).copied().unwrap_or((0x0500, 0x0700));
-            JointAngle { parent_point, child_point, angle_deg: motion }
-        })
-        .collect();
+    let poses: Vec<_> = ids.clone().map(|id| person.pose(id)).collect();
+    let linear: Vec<_> = ids.clone().map(|id| person.linear(id)).collect();
+    let angular: Vec<_> = ids.map(|id| person.angular(id)).collect();
+    let joints: Vec<_> = (0..JOINTS).map(|index| person.joint(index)).collect();
+    let com = person.com();
     // The adapters do not read these types, but MVN sends them.
     let stamp = Stamp {
         segments: [23, 0, header.finger_segments],
         ..Stamp::of_a_body(counter, header.time_code_ms, 0)
     };
-    let tracker = Tracker {
-        segment_id: 1,
-        orientation_wxyz,
-        free_acceleration: motion,
-        felt: Some([[0.0, 0.0, 9.81], motion]),
-        magnetic: [0.4, 0.0, -0.8],
-    };
-    let moving = centre_of_mass::Motion { velocity_m_per_s: motion, acceleration_m_per_s2: motion };
-    let com = CentreOfMass { position_m: [0.0, 0.0, 1.0], motion: Some(moving) };
+    let trackers_of_body = [person.tracker(); TRACKERS];
     let at_ms = 57_586_000 + counter * 25 / 6;
     let mut datagrams = Vec::new();
     let mut append = |encode: &dyn Fn(&mut Vec<u8>)| {
@@ -123,7 +155,7 @@ fn sample(counter: u32, gloves: bool) -> Vec<Vec<u8>> {
     append(&|out| joint_angles::encode(&header, &joints, out).expect(FITS));
     append(&|out| linear_kinematics::encode(&header, &linear, out).expect(FITS));
     append(&|out| angular_kinematics::encode(&header, &angular, out).expect(FITS));
-    append(&|out| out.extend(trackers(&stamp, &[tracker; TRACKERS]).expect(FITS)));
+    append(&|out| out.extend(trackers(&stamp, &trackers_of_body).expect(FITS)));
     append(&|out| centre_of_mass::encode(&header, &com, out).expect(FITS));
     append(&|out| out.extend(time_of_day(&stamp, at_ms, true).expect(FITS)));
     datagrams

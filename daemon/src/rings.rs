@@ -198,9 +198,7 @@ impl Rings {
     pub fn new() -> std::io::Result<Rings> {
         let control = Arc::new(LoopControl::default());
         let wake_up = Arc::new(WakeUp::new()?);
-        let (suit_in, suit) = ingested(SUIT_RING);
-        let (ground_in, ground) = ingested(GROUND_RING);
-        let (body_in, body) = ingested(BODY_RING);
+        let (ingress, InputEnds { suit, ground, body }) = input_rings(&control);
         let (command_in, command) = RingBuffer::new(COMMAND_RING);
         let (worker_in, worker) = RingBuffer::new(1);
         let (returned_workers, returned_workers_out) = RingBuffer::new(RETURNED_WORKERS);
@@ -234,12 +232,7 @@ impl Rings {
                 output_dropped: 0,
                 wake_up: Arc::clone(&wake_up),
             },
-            ingress: IngressEnds {
-                control: Arc::clone(&control),
-                suit: suit_in,
-                ground: ground_in,
-                body: body_in,
-            },
+            ingress,
             egress: EgressEnds {
                 control: Arc::clone(&control),
                 early: early_out,
@@ -263,6 +256,23 @@ impl Rings {
             control,
         })
     }
+}
+
+/// Ends owned by the loop of the rings from ingress.
+struct InputEnds {
+    suit: Consumer<Ingested<SuitSample>>,
+    ground: Consumer<Ingested<GroundSample>>,
+    body: Consumer<Ingested<SuitBody>>,
+}
+
+/// Empty rings from ingress to the loop.
+fn input_rings(control: &Arc<LoopControl>) -> (IngressEnds, InputEnds) {
+    let (suit_in, suit) = ingested(SUIT_RING);
+    let (ground_in, ground) = ingested(GROUND_RING);
+    let (body_in, body) = ingested(BODY_RING);
+    let control = Arc::clone(control);
+    let ingress = IngressEnds { control, suit: suit_in, ground: ground_in, body: body_in };
+    (ingress, InputEnds { suit, ground, body })
 }
 
 /// An empty ring of samples.

@@ -160,39 +160,41 @@ fn read_csv(path: &Path) -> Vec<Row> {
     lines.map(row).collect()
 }
 
+/// Columns whose number has the same name in a state's JSON.
+const SAME: [&str; 28] = [
+    "mass_kg",
+    "lifted_mass_kg",
+    "lifted_mass_sigma_kg",
+    "load_hand_distance_m",
+    "reach_m",
+    "l5s1_moment_nm",
+    "l5s1_moment_sigma_nm",
+    "l5s1_compression_n",
+    "l5s1_compression_sigma_n",
+    "dose_damage",
+    "dose_probability",
+    "variance_max_m2",
+    "predicted_cop_sigma_m",
+    "nis",
+    "prior_inflation",
+    "pose_mismatch_rad",
+    "suit_skew_s",
+    "suit_skew_sigma_s",
+    "suit_age_ns",
+    "ground_age_ns",
+    "advice_gain_nm_per_cm",
+    "delta_f_sigma_n",
+    "cycle",
+    "poses_used",
+    "stance",
+    "group_delay_ns",
+    "lifts",
+    "suggested_pose",
+];
+
 /// Columns, and where a state's JSON has the same number.
 fn pairs() -> Vec<(String, Vec<String>)> {
-    let same = [
-        "mass_kg",
-        "lifted_mass_kg",
-        "lifted_mass_sigma_kg",
-        "load_hand_distance_m",
-        "reach_m",
-        "l5s1_moment_nm",
-        "l5s1_moment_sigma_nm",
-        "l5s1_compression_n",
-        "l5s1_compression_sigma_n",
-        "dose_damage",
-        "dose_probability",
-        "variance_max_m2",
-        "predicted_cop_sigma_m",
-        "nis",
-        "prior_inflation",
-        "pose_mismatch_rad",
-        "suit_skew_s",
-        "suit_skew_sigma_s",
-        "suit_age_ns",
-        "ground_age_ns",
-        "advice_gain_nm_per_cm",
-        "delta_f_sigma_n",
-        "cycle",
-        "poses_used",
-        "stance",
-        "group_delay_ns",
-        "lifts",
-        "suggested_pose",
-    ];
-    let mut pairs: Vec<_> = same.map(|name| (name.to_owned(), vec![name.to_owned()])).into();
+    let mut pairs: Vec<_> = SAME.map(|name| (name.to_owned(), vec![name.to_owned()])).into();
     pairs.push(("t_s".to_owned(), vec!["t".to_owned()]));
     for (field, key, names) in [
         ("cop_measured_m", "cop_measured", &["x", "y"][..]),

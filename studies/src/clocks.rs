@@ -163,9 +163,29 @@ fn percent(part: u64, of: u64) -> Cell {
 
 /// The tables.
 pub fn study(cohort: &Cohort) -> Vec<Table> {
-    let count = cohort.count;
-    let cohort = cohort.subjects();
-    let mut skew = Table::new(
+    let subjects = cohort.subjects();
+    let questions: Vec<(Case, Subject, bool)> = CASES
+        .iter()
+        .flat_map(|case| subjects.iter().map(move |subject| (*case, *subject)))
+        .flat_map(|(case, subject)| [false, true].map(|align| (case, subject, align)))
+        .collect();
+    let sums = map_in_parallel(&questions, |(case, subject, align)| work(subject, *case, *align));
+    vec![skew_table(cohort.count, &sums), effect_table(cohort.count, &sums)]
+}
+
+/// The sums of each case: without the correction, with it, alternately for each subject.
+fn by_case(count: usize, sums: &[Sums]) -> impl Iterator<Item = (&'static str, &[Sums])> {
+    CASES.into_iter().map(|case| case.0).zip(sums.chunks(2 * count))
+}
+
+/// Those with the correction.
+fn corrected(sums: &[Sums]) -> impl Iterator<Item = &Sums> {
+    sums.iter().skip(1).step_by(2)
+}
+
+/// Errors of the estimated skew and drift.
+fn skew_table(count: usize, sums: &[Sums]) -> Table {
+    let mut table = Table::new(
         format!(
             "Skew and drift estimated from squat lifts and bends ({count} subjects): RMS error, RMS 1-sigma"
         ),
@@ -186,7 +206,30 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "2-sigma %",
         ],
     );
-    let mut effect = Table::new(
+    for (name, sums) in by_case(count, sums) {
+        let mut row: Vec<Cell> = vec![name.into()];
+        row.push(corrected(sums).map(|sums| sums.sure_s).try_fold(0.0, |a: f64, b| Some(a.max(b?))).into());
+        for at in 0..READ_S.len() {
+            let readings = || corrected(sums).filter_map(|sums| sums.readings[at]);
+            row.push(rms(readings().map(|reading| 1e3 * reading.error_s)));
+            row.push(rms(readings().map(|reading| 1e3 * reading.sigma_s)));
+            if at > 0 {
+                row.push(rms(readings().map(|reading| 1e6 * reading.drift_error)));
+                row.push(rms(readings().map(|reading| 1e6 * reading.drift_sigma)));
+            }
+        }
+        let [all, one, two] = [0, 1, 2].map(|at| corrected(sums).map(|sums| sums.covered[at]).sum::<u64>());
+        row.extend([percent(one, all), percent(two, all)]);
+        table.push(row);
+    }
+    table.note("suit at 100 Hz, plate at 1 kHz; every other round with a box of 11 kg; published after: time until the published sigma of the skew is below 10 ms");
+    table.note("1-sigma, 2-sigma: fraction of errors of the published skew below 1 and 2 sigma, one sample per round of 11 s");
+    table
+}
+
+/// Effect of the correction on the centre of pressure, and on the samples that are masked or wrongly aligned.
+fn effect_table(count: usize, sums: &[Sums]) -> Table {
+    let mut table = Table::new(
         format!("Effect of the lag correction ({count} subjects)"),
         &[
             "plate delay",
@@ -198,49 +241,26 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "misaligned s",
         ],
     );
-    let questions: Vec<(Case, Subject, bool)> = CASES
-        .iter()
-        .flat_map(|case| cohort.iter().map(move |subject| (*case, *subject)))
-        .flat_map(|(case, subject)| [false, true].map(|align| (case, subject, align)))
-        .collect();
-    let sums = map_in_parallel(&questions, |(case, subject, align)| work(subject, *case, *align));
-    for (case, sums) in CASES.iter().zip(sums.chunks(2 * count)) {
-        let corrected = || sums.iter().skip(1).step_by(2);
-        let mut row: Vec<Cell> = vec![case.0.into()];
-        row.push(corrected().map(|sums| sums.sure_s).try_fold(0.0, |a: f64, b| Some(a.max(b?))).into());
-        for at in 0..READ_S.len() {
-            let readings = || corrected().filter_map(|sums| sums.readings[at]);
-            row.push(rms(readings().map(|reading| 1e3 * reading.error_s)));
-            row.push(rms(readings().map(|reading| 1e3 * reading.sigma_s)));
-            if at > 0 {
-                row.push(rms(readings().map(|reading| 1e6 * reading.drift_error)));
-                row.push(rms(readings().map(|reading| 1e6 * reading.drift_sigma)));
-            }
-        }
-        let [all, one, two] = [0, 1, 2].map(|at| corrected().map(|sums| sums.covered[at]).sum::<u64>());
-        row.extend([percent(one, all), percent(two, all)]);
-        skew.push(row);
-
-        let mut row: Vec<Cell> = vec![case.0.into()];
+    for (name, sums) in by_case(count, sums) {
+        let mut row: Vec<Cell> = vec![name.into()];
         for first in 0..2 {
             let mut cop = CopErrors::default();
             sums.iter().skip(first).step_by(2).for_each(|sums| cop.merge(&sums.cop));
             row.push((1e3 * cop.distance_rms_m()).into());
         }
-        let of =
-            |after: usize| [0, 1, 2].map(|at| corrected().map(|sums| sums.samples[after][at]).sum::<u64>());
+        let of = |after: usize| {
+            [0, 1, 2].map(|at| corrected(sums).map(|sums| sums.samples[after][at]).sum::<u64>())
+        };
         let [samples, masked, wrong] = of(0);
         row.extend([percent(masked, samples), percent(wrong, samples)]);
         let [samples, masked, wrong] = of(1);
         let seconds = |part: u64| (samples > 0).then(|| part as f64 / 100.0 / count as f64).into();
         row.extend([seconds(masked), seconds(wrong)]);
-        effect.push(row);
+        table.push(row);
     }
-    skew.note("suit at 100 Hz, plate at 1 kHz; every other round with a box of 11 kg; published after: time until the published sigma of the skew is below 10 ms");
-    skew.note("1-sigma, 2-sigma: fraction of errors of the published skew below 1 and 2 sigma, one sample per round of 11 s");
-    effect.note("CoP: RMS distance of estimated from measured, without a load, from 60 s on, excluding samples masked as unsynchronised");
-    effect.note(
+    table.note("CoP: RMS distance of estimated from measured, without a load, from 60 s on, excluding samples masked as unsynchronised");
+    table.note(
         "masked: samples with clock_unsynchronised; misaligned: not masked, with an alignment error above 20 ms",
     );
-    vec![skew, effect]
+    table
 }

@@ -1,6 +1,7 @@
 //! The early state: its age and errors, compared with the state at its own time and used about now and ahead.
 
 mod errors;
+mod tables;
 
 use equipoise_core::body::JOINTS;
 use equipoise_core::message::Validity;
@@ -14,8 +15,8 @@ use crate::natural::Movements;
 use crate::sensors::{AccelerationNoise, Rig};
 use crate::session::{Session, Snapshot};
 use crate::subject::{Cohort, Subject, map_in_parallel};
-use crate::table::{Cell, Table};
-use crate::tally::{GROUPS, Sums, joints_of, percent};
+use crate::table::Table;
+use crate::tally::{GROUPS, Sums, joints_of};
 use crate::tasks::publishes_torques;
 
 /// Data of a suit.
@@ -42,7 +43,7 @@ const POSES_MAX: u32 = 30;
 /// Natural work without a load, and with each box, s.
 const UNLOADED_S: f64 = 20.0;
 const LOADED_S: f64 = 15.0;
-/// From this published_percent of its mass on the hands a box counts as lifted.
+/// From this fraction of its mass on the hands a box counts as lifted.
 const LIFTED: f64 = 0.999;
 /// Times ahead of the early state's sample, s.
 const AHEAD_S: [f64; 4] = [0.0, 0.05, 0.1, 0.2];
@@ -82,6 +83,28 @@ struct Prediction {
     hands_m: [[Vector3<f64>; 2]; 2],
 }
 
+impl Prediction {
+    /// By the states of a snapshot, about [`AHEAD_S`]`[index]` after the early state's sample.
+    fn of(index: usize, snapshot: &Snapshot, recent: &Recent) -> Prediction {
+        let (early, ahead_s) = (snapshot.early, AHEAD_S[index]);
+        Prediction {
+            index,
+            at_s: snapshot.early_time_s + ahead_s,
+            torque_nm: [
+                snapshot.state.torque_nm,
+                early.torque_nm,
+                extrapolated(recent, &early.torque_nm, ahead_s),
+            ],
+            hands_m: [0.0, ahead_s].map(|by_s| {
+                [0, 1].map(|hand| {
+                    let velocity = Vector3::from(early.hand_velocity_m_per_s[hand]);
+                    Vector3::from(early.hand_m[hand]) + by_s * velocity
+                })
+            }),
+        }
+    }
+}
+
 /// Predictions whose time has not come, and early torques whose state has not.
 #[derive(Debug, Default)]
 struct Pending(VecDeque<Prediction>, Recent);
@@ -107,16 +130,7 @@ impl Findings {
         if !publishes_torques(state) {
             return;
         }
-        if let Some((_, early_nm)) =
-            pending.1.iter().find(|(time_s, _)| (time_s - snapshot.time_s).abs() < 1e-6)
-        {
-            for (group, sums) in self.difference_nm.iter_mut().enumerate() {
-                for joint in joints_of(group) {
-                    let [early, state] = [early_nm[joint], state.torque_nm[joint]].map(Vector3::from);
-                    sums.add(early.norm() - state.norm());
-                }
-            }
-        }
+        self.add_difference(snapshot, pending);
         let truth = snapshot.truth();
         self.state.add(&state.torque_nm, &state.torque_sigma_nm, &truth);
         self.state.add_force(state.delta_f_n[2], state.delta_f_sigma_n, &truth);
@@ -137,22 +151,18 @@ impl Findings {
         let truth = Truth::of(snapshot.worker, now_s);
         self.early.add(&early.torque_nm, &early.torque_sigma_nm, &truth);
         self.early.add_force(early.delta_f_n[2], early.delta_f_sigma_n, &truth);
-        for (index, ahead_s) in AHEAD_S.into_iter().enumerate() {
-            pending.0.push_back(Prediction {
-                index,
-                at_s: now_s + ahead_s,
-                torque_nm: [
-                    state.torque_nm,
-                    early.torque_nm,
-                    extrapolated(recent, &early.torque_nm, ahead_s),
-                ],
-                hands_m: [0.0, ahead_s].map(|by_s| {
-                    [0, 1].map(|hand| {
-                        let velocity = Vector3::from(early.hand_velocity_m_per_s[hand]);
-                        Vector3::from(early.hand_m[hand]) + by_s * velocity
-                    })
-                }),
-            });
+        pending.0.extend((0..AHEAD_S.len()).map(|index| Prediction::of(index, snapshot, recent)));
+    }
+
+    /// Compares the state with the early state of the same sample, if there was one.
+    fn add_difference(&mut self, snapshot: &Snapshot, pending: &Pending) {
+        let of_sample = pending.1.iter().find(|(time_s, _)| (time_s - snapshot.time_s).abs() < 1e-6);
+        let Some((_, early_nm)) = of_sample else { return };
+        for (group, sums) in self.difference_nm.iter_mut().enumerate() {
+            for joint in joints_of(group) {
+                let [early, state] = [early_nm[joint], snapshot.state.torque_nm[joint]].map(Vector3::from);
+                sums.add(early.norm() - state.norm());
+            }
         }
     }
 
@@ -263,124 +273,15 @@ fn quantile_ms(values_s: &[f64], probability: f64) -> Option<f64> {
 
 /// The tables.
 pub fn study(cohort: &Cohort) -> Vec<Table> {
-    let count = cohort.count;
-    let cohort = cohort.subjects();
-    let mut ages = Table::new(
-        format!("Age at publication ({count} subjects, suit at 60 Hz, natural pace)"),
-        &[
-            "suit data",
-            "state p50 ms",
-            "state p99 ms",
-            "early p50 ms",
-            "early p99 ms",
-            "state published %",
-            "early published %",
-        ],
-    );
-    let mut errors = Table::new(
-        "Errors while 4 and 11 kg are carried, each at its own time".to_owned(),
-        &[
-            "suit data",
-            "quantity",
-            "state",
-            "state sigma",
-            "state 1-sigma %",
-            "early",
-            "early sigma",
-            "early 1-sigma %",
-            "state as now",
-            "sigma ratio",
-            "difference",
-        ],
-    );
-    let mut ahead = Table::new(
-        "Torques of all joints and positions of the hands, ahead of the early state's sample".to_owned(),
-        &[
-            "suit data",
-            "ahead ms",
-            "state as is N m",
-            "early as is N m",
-            "early extrapolated N m",
-            "hands held mm",
-            "hands at constant velocity mm",
-        ],
-    );
-    for (name, suit) in SUITS {
+    let subjects = cohort.subjects();
+    let suits = SUITS.map(|(name, suit)| {
         let mut sum = Findings::default();
-        for one in map_in_parallel(&cohort, |subject| findings(subject, suit)) {
+        for one in map_in_parallel(&subjects, |subject| findings(subject, suit)) {
             sum.merge(&one);
         }
-        let age = |which: usize, probability: f64| quantile_ms(&sum.ages_s[which], probability).into();
-        let published_percent = |which: usize| percent(sum.published[which], sum.published[2]).into();
-        ages.push(vec![
-            name.into(),
-            age(0, 0.5),
-            age(0, 0.99),
-            age(1, 0.5),
-            age(1, 0.99),
-            published_percent(0),
-            published_percent(1),
-        ]);
-        let stale = &sum.ahead[0][0];
-        for (group, (joints, _)) in GROUPS.iter().enumerate() {
-            let of = |errors: &Errors| -> [Cell; 3] {
-                let sigma = errors.sigma_nm[group].mean();
-                [
-                    errors.error_nm[group].rms().into(),
-                    sigma.into(),
-                    errors.coverage[group].percent()[0].into(),
-                ]
-            };
-            let ratio = sum.early.sigma_nm[group].mean().zip(sum.state.sigma_nm[group].mean());
-            let mut row: Vec<Cell> = vec![name.into(), (*joints).into()];
-            row.extend(of(&sum.state));
-            row.extend(of(&sum.early));
-            row.push(stale.error_nm[group].rms().into());
-            row.push(ratio.map(|(early, state)| early / state).into());
-            row.push(sum.difference_nm[group].rms().into());
-            errors.push(row);
-        }
-        let mut row: Vec<Cell> = vec![name.into(), "all joints".into()];
-        for errors in [&sum.state, &sum.early] {
-            let cells = [errors.rms_nm(), errors.mean_sigma_nm(), errors.covered_percent()];
-            row.extend(cells.map(Cell::from));
-        }
-        row.push(stale.rms_nm().into());
-        let ratio = sum.early.mean_sigma_nm().zip(sum.state.mean_sigma_nm());
-        row.push(ratio.map(|(early, state)| early / state).into());
-        row.push(Cell::Nothing);
-        errors.push(row);
-        let [unloaded_state, unloaded_early] = &sum.unloaded;
-        for (quantity, [state, early]) in [
-            ("force, loaded", [&sum.state.force_n, &sum.early.force_n]),
-            ("force, no load", [&unloaded_state.force_n, &unloaded_early.force_n]),
-            ("CoP, no load", [&unloaded_state.cop_mm, &unloaded_early.cop_mm]),
-        ] {
-            let mut row: Vec<Cell> = vec![name.into(), quantity.into()];
-            for scalar in [state, early] {
-                row.push(scalar.error.rms().into());
-                row.push(scalar.sigma.mean().into());
-                row.push(scalar.coverage.percent()[0].into());
-            }
-            row.push(Cell::Nothing);
-            let ratio = early.sigma.mean().zip(state.sigma.mean());
-            row.push(ratio.map(|(early, state)| early / state).into());
-            row.push(Cell::Nothing);
-            errors.push(row);
-        }
-        for (index, ahead_s) in AHEAD_S.into_iter().enumerate() {
-            let mut row: Vec<Cell> = vec![name.into(), (1e3 * ahead_s).into()];
-            row.extend(sum.ahead[index].iter().map(|errors| Cell::from(errors.rms_nm())));
-            row.extend(sum.hands_m[index].iter().map(|sums| Cell::from(sums.rms().map(|m| 1e3 * m))));
-            ahead.push(row);
-        }
-    }
-    ages.note("age: from the sample's stamp to the due time of the cycle of a 1 kHz loop; without network, computation and publication; suit and plate without a constant latency");
-    errors.note("torques in N m, force in N, CoP per axis in mm: RMS length of the error, mean sigma, coverage of the magnitude by 1 sigma; state as now: the newest state compared with the truth at the early state's sample");
-    errors.note("truth: inverse dynamics of the simulated motion with the box less that without it");
-    errors.note("difference: RMS of the early torque's magnitude minus that of the state of the same sample; noisy: 0.2 mm of white noise per axis and sample in all positions");
-    ahead.note("extrapolated: by the mean slope of the early torques over the last 100 ms");
-    vec![ages, errors, ahead]
+        (name, sum)
+    });
+    vec![tables::ages(cohort.count, &suits), tables::errors(&suits), tables::ahead(&suits)]
 }
 
 #[cfg(test)]

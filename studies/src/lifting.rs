@@ -91,6 +91,20 @@ pub struct Findings {
     march: (CopErrors, PublicationTally),
 }
 
+impl Findings {
+    fn merge(&mut self, other: &Findings) {
+        for ((torques, published), (others, others_published)) in self.lifting.iter_mut().zip(&other.lifting)
+        {
+            torques.merge(others);
+            published.merge(others_published);
+        }
+        for (sum, task) in [(&mut self.work, &other.work), (&mut self.march, &other.march)] {
+            sum.0.merge(&task.0);
+            sum.1.merge(&task.1);
+        }
+    }
+}
+
 /// Identification, work without a load, marching, and lifts of every box.
 pub fn findings(subject: &Subject, motion: Motion, ground: Ground) -> Findings {
     let settings = Settings { motion, ..subject.settings() };
@@ -132,9 +146,26 @@ pub(crate) fn see_lifted(
 
 /// The tables.
 pub fn study(cohort: &Cohort) -> Vec<Table> {
-    let count = cohort.count;
-    let cohort = cohort.subjects();
-    let mut torques = Table::new(
+    let subjects = cohort.subjects();
+    let [(compensated, motion), (paper, paper_motion)] = MOTIONS;
+    let sums = [
+        (compensated, motion, Ground::Plate),
+        ("compensated, two plates", motion, Ground::TwoPlates),
+        (paper, paper_motion, Ground::Plate),
+    ]
+    .map(|(name, motion, ground)| {
+        let mut sum = Findings::default();
+        for findings in map_in_parallel(&subjects, |subject| findings(subject, motion, ground)) {
+            sum.merge(&findings);
+        }
+        (name, sum)
+    });
+    vec![torque_table(cohort.count, &sums), publication_table(cohort.count, &sums)]
+}
+
+/// Errors of the torques by joint group and box.
+fn torque_table(count: usize, motions: &[(&str, Findings)]) -> Table {
+    let mut table = Table::new(
         format!(
             "Torques while lifting at natural speed ({count} subjects): RMS error in N m and in % of the true RMS, published 1-sigma in N m"
         ),
@@ -152,7 +183,28 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "12 kg sigma",
         ],
     );
-    let mut tally = Table::new(
+    for (name, sum) in motions {
+        for (group, (joint, _)) in GROUPS.iter().enumerate() {
+            let mut row: Vec<Cell> = vec![(*name).into(), (*joint).into()];
+            for (by_group, _) in &sum.lifting {
+                let sums = &by_group.0[group];
+                let percent =
+                    sums.error_nm.rms().zip(sums.true_nm.rms()).map(|(error, real)| 100.0 * error / real);
+                row.extend([sums.error_nm.rms(), percent, sums.sigma_nm.mean()].map(Cell::from));
+            }
+            table.push(row);
+        }
+    }
+    table.note("natural speed: poses 1 s apart without pauses; a box is lifted from a table, moved to both sides and up, and put back");
+    table.note("error: RMS length of published minus true torque, left and right together, over samples with torques and the whole box in the hands");
+    table.note("%: of the RMS of the true overload: inverse dynamics of the motion with the box minus without it, forces under each foot and at each hand");
+    table.note("sigma: mean of the published 1-sigma of the magnitude");
+    table
+}
+
+/// How often torques were published, by task.
+fn publication_table(count: usize, motions: &[(&str, Findings)]) -> Table {
+    let mut table = Table::new(
         format!("Published in motion ({count} subjects)"),
         &[
             "motion",
@@ -164,43 +216,15 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "withheld for (of all samples)",
         ],
     );
-    let [(compensated, motion), (paper, paper_motion)] = MOTIONS;
-    for (name, motion, ground) in [
-        (compensated, motion, Ground::Plate),
-        ("compensated, two plates", motion, Ground::TwoPlates),
-        (paper, paper_motion, Ground::Plate),
-    ] {
-        let mut sum = Findings::default();
-        for findings in map_in_parallel(&cohort, |subject| findings(subject, motion, ground)) {
-            for ((torques, published), (others, others_published)) in
-                sum.lifting.iter_mut().zip(&findings.lifting)
-            {
-                torques.merge(others);
-                published.merge(others_published);
-            }
-            for (sum, task) in [(&mut sum.work, &findings.work), (&mut sum.march, &findings.march)] {
-                sum.0.merge(&task.0);
-                sum.1.merge(&task.1);
-            }
-        }
-        for (group, (joint, _)) in GROUPS.iter().enumerate() {
-            let mut row: Vec<Cell> = vec![name.into(), (*joint).into()];
-            for (by_group, _) in &sum.lifting {
-                let sums = &by_group.0[group];
-                let percent =
-                    sums.error_nm.rms().zip(sums.true_nm.rms()).map(|(error, real)| 100.0 * error / real);
-                row.extend([sums.error_nm.rms(), percent, sums.sigma_nm.mean()].map(Cell::from));
-            }
-            torques.push(row);
-        }
+    for (name, sum) in motions {
         let unloaded = [("no load: bends, reaches, squats", &sum.work), ("no load: marching", &sum.march)];
         let unloaded =
             unloaded.map(|(task, (cop, published))| (task, Some(1e3 * cop.distance_rms_m()), published));
         let lifting = ["4 kg", "8 kg", "12 kg"].into_iter().zip(&sum.lifting);
         let lifting = lifting.map(|(task, (_, published))| (task, None, published));
         for (task, cop_mm, published) in unloaded.into_iter().chain(lifting) {
-            tally.push(vec![
-                name.into(),
+            table.push(vec![
+                (*name).into(),
                 task.into(),
                 cop_mm.into(),
                 published.samples.into(),
@@ -210,12 +234,8 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             ]);
         }
     }
-    torques.note("natural speed: poses 1 s apart without pauses; a box is lifted from a table, moved to both sides and up, and put back");
-    torques.note("error: RMS length of published minus true torque, left and right together, over samples with torques and the whole box in the hands");
-    torques.note("%: of the RMS of the true overload: inverse dynamics of the motion with the box minus without it, forces under each foot and at each hand");
-    torques.note("sigma: mean of the published 1-sigma of the magnitude");
-    tally.note("CoP error: RMS distance of the estimated from the measured centre of pressure, all samples without a load");
-    tally.note("published: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");
-    tally.note("above green without a load: false positives");
-    vec![torques, tally]
+    table.note("CoP error: RMS distance of the estimated from the measured centre of pressure, all samples without a load");
+    table.note("published: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");
+    table.note("above green without a load: false positives");
+    table
 }

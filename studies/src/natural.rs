@@ -334,15 +334,24 @@ fn withheld_percent(carry: &PublicationTally) -> Option<f64> {
 
 /// The tables.
 pub fn study(cohort: &Cohort) -> Vec<Table> {
-    let count = cohort.count;
-    let cohort = cohort.subjects();
+    let subjects = cohort.subjects();
     let ask = |suit_hz: u32, end_s: f64| {
-        map_in_parallel(&cohort, |subject| {
-            simulate(subject, subject.settings(), rig(subject, suit_hz), end_s)
-        })
+        map_in_parallel(&subjects, |subject| simulate(subject, subject.settings(), rig(subject, suit_hz), end_s))
     };
     let results = ask(SUIT_HZ, READ_S[1]);
-    let mut each = Table::new(
+    let each = subject_table(&subjects, &results);
+    let mut rates = rate_table(cohort.count);
+    rates.push(Together::of(&results).row(SUIT_HZ));
+    for rate_hz in OTHER_RATES_HZ {
+        rates.push(Together::of(&ask(rate_hz, 0.0)).row(rate_hz));
+    }
+    vec![each, rates]
+}
+
+/// One row per subject.
+fn subject_table(subjects: &[Subject], results: &[SessionResult]) -> Table {
+    let count = subjects.len();
+    let mut table = Table::new(
         format!("Natural work without static poses ({count} subjects, suit at {SUIT_HZ} Hz)"),
         &[
             "seed",
@@ -361,7 +370,7 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "300 s: drift error ppm",
         ],
     );
-    for (subject, result) in cohort.iter().zip(&results) {
+    for (subject, result) in subjects.iter().zip(results) {
         let mut row: Vec<Cell> = vec![
             subject.seed.into(),
             result.identified_s.into(),
@@ -378,9 +387,21 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             row.push(reading.map(|reading| 1e3 * reading.error_s).into());
             row.push(reading.map(|reading| 1e6 * reading.drift_error).into());
         }
-        each.push(row);
+        table.push(row);
     }
-    let mut rates = Table::new(
+    table.note("squats and bends of 1 to 2 s a phase, each started before the previous one has ended; soft tissue, offset of the suit's world, plate delayed by 138 ms with a drift of -400 ppm");
+    table.note(
+        "identified: from the first sample until the stop rule is met; empty: stopped by a command after 120 s",
+    );
+    table.note("CoP error: RMS distance of estimated from measured over 30 s of other movements; 1-sigma, 2-sigma: coverage of the true CoP");
+    table
+        .note("resumed: from the release of 11 kg until motion samples are accepted, maximum of two carries");
+    table
+}
+
+/// Without rows; see [`Together::row`].
+fn rate_table(count: usize) -> Table {
+    Table::new(
         format!("Natural work by sample rate of the suit ({count} subjects)"),
         &[
             "suit Hz",
@@ -400,18 +421,7 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "box RMS kg",
             "resumed s",
         ],
-    );
-    rates.push(Together::of(&results).row(SUIT_HZ));
-    for rate_hz in OTHER_RATES_HZ {
-        rates.push(Together::of(&ask(rate_hz, 0.0)).row(rate_hz));
-    }
-    each.note("squats and bends of 1 to 2 s a phase, each started before the previous one has ended; soft tissue, offset of the suit's world, plate delayed by 138 ms with a drift of -400 ppm");
-    each.note(
-        "identified: from the first sample until the stop rule is met; empty: stopped by a command after 120 s",
-    );
-    each.note("CoP error: RMS distance of estimated from measured over 30 s of other movements; 1-sigma, 2-sigma: coverage of the true CoP");
-    each.note("resumed: from the release of 11 kg until motion samples are accepted, maximum of two carries");
-    vec![each, rates]
+    )
 }
 
 #[cfg(test)]

@@ -75,9 +75,21 @@ fn variants(subject: &Subject) -> [(&'static str, Settings); 4] {
 
 /// The tables.
 pub fn study(cohort: &Cohort) -> Vec<Table> {
-    let count = cohort.count;
     let subjects = cohort.of_the_paper();
-    let mut identification = Table::new(
+    let mut identification = identification_table(cohort.count);
+    let mut torques = torque_table();
+    for variant in 0..4 {
+        let trials = map_in_parallel(&subjects, |subject| trial(subject, variants(subject)[variant].1));
+        let name = variants(&subjects[0])[variant].0;
+        identification.push(identification_row(name, &trials));
+        add_torques(&mut torques, name, &trials);
+    }
+    vec![identification, torques]
+}
+
+/// Without rows; see [`identification_row`].
+fn identification_table(count: usize) -> Table {
+    let mut table = Table::new(
         format!("Identification: 1.77 m, 72 kg, {count} bodies"),
         &[
             "method",
@@ -92,7 +104,26 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "% of range",
         ],
     );
-    let mut torques = Table::new(
+    table.note(
+        "poses: median over the bodies of the poses until the stop rule is met (the paper: 25, one person)",
+    );
+    table.note(format!("converged: bodies for which it is met within {POSES_MAX} poses"));
+    table.note(
+        "largest P_jj: median at the end; initially 1 m2 without a prior; unobservable directions keep their variance",
+    );
+    table.note("predicted CoP sigma: median of the filter's predicted 1-sigma over the library, both axes");
+    table.note(format!(
+        "CoP: RMS over the bodies of estimated minus measured, static, without a load, in {CHECK_POSES} poses outside the library (trunk and arms of different poses)"
+    ));
+    table.note(
+        "% of base: distance over the length of the base of support, heel to toe; % of range: distance over the diagonal of the measured CoP's range (the paper: 16.17 %, denominator not stated)",
+    );
+    table
+}
+
+/// Without rows; see [`add_torques`].
+fn torque_table() -> Table {
+    let mut table = Table::new(
         format!("Torques before and while lifting {BOX_KG} kg"),
         &[
             "method",
@@ -105,50 +136,34 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "published",
         ],
     );
-    for variant in 0..4 {
-        let trials = map_in_parallel(&subjects, |subject| trial(subject, variants(subject)[variant].1));
-        let name = variants(&subjects[0])[variant].0;
-        identification.push(identification_row(name, &trials));
-        let (mut before, mut lifting) = (ByGroup::default(), ByGroup::default());
-        for trial in &trials {
-            before.merge(&trial.before);
-            lifting.merge(&trial.lifting);
-        }
-        for (group, (joint, _)) in GROUPS.iter().enumerate() {
-            let (before, lifting) = (&before.0[group], &lifting.0[group]);
-            torques.push(vec![
-                name.into(),
-                (*joint).into(),
-                before.published_nm.mean().into(),
-                lifting.published_nm.mean().into(),
-                lifting.true_nm.mean().into(),
-                lifting.error_nm.rms().into(),
-                lifting.sigma_nm.mean().into(),
-                lifting.published_nm.count.into(),
-            ]);
-        }
-    }
-    identification.note(
-        "poses: median over the bodies of the poses until the stop rule is met (the paper: 25, one person)",
-    );
-    identification.note(format!("converged: bodies for which it is met within {POSES_MAX} poses"));
-    identification.note(
-        "largest P_jj: median at the end; initially 1 m2 without a prior; unobservable directions keep their variance",
-    );
-    identification
-        .note("predicted CoP sigma: median of the filter's predicted 1-sigma over the library, both axes");
-    identification.note(format!(
-        "CoP: RMS over the bodies of estimated minus measured, static, without a load, in {CHECK_POSES} poses outside the library (trunk and arms of different poses)"
-    ));
-    identification.note(
-        "% of base: distance over the length of the base of support, heel to toe; % of range: distance over the diagonal of the measured CoP's range (the paper: 16.17 %, denominator not stated)",
-    );
-    torques.note("before, lifting: mean published magnitude; '-': not published, below the load threshold");
-    torques.note(
+    table.note("before, lifting: mean published magnitude; '-': not published, below the load threshold");
+    table.note(
         "true: mean magnitude by inverse dynamics of the motion with the box minus without it, forces under each foot at its own pressure point and at each hand",
     );
-    torques.note("error: RMS length of the difference vector; published: samples of both sides");
-    vec![identification, torques]
+    table.note("error: RMS length of the difference vector; published: samples of both sides");
+    table
+}
+
+/// Adds one row per joint group.
+fn add_torques(table: &mut Table, name: &str, trials: &[Trial]) {
+    let (mut before, mut lifting) = (ByGroup::default(), ByGroup::default());
+    for trial in trials {
+        before.merge(&trial.before);
+        lifting.merge(&trial.lifting);
+    }
+    for (group, (joint, _)) in GROUPS.iter().enumerate() {
+        let (before, lifting) = (&before.0[group], &lifting.0[group]);
+        table.push(vec![
+            name.into(),
+            (*joint).into(),
+            before.published_nm.mean().into(),
+            lifting.published_nm.mean().into(),
+            lifting.true_nm.mean().into(),
+            lifting.error_nm.rms().into(),
+            lifting.sigma_nm.mean().into(),
+            lifting.published_nm.count.into(),
+        ]);
+    }
 }
 
 fn identification_row(name: &str, trials: &[Trial]) -> Vec<Cell> {

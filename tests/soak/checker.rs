@@ -204,26 +204,43 @@ impl Checker {
             let about_s = (about_ns as f64 - person.start_ns() as f64) * 1e-9;
             self.truths = (about_ns, vec![person.truth_at(about_s)]);
         }
-        let held_up = self.held_up;
-        let published = |invalidating: Validity, needs: Needs| {
-            !valid.any_of(invalidating) && !(0..2).any(|sensor| needs[sensor] && held_up[sensor])
-        };
-        if published(Validity::INVALIDATES_COP_MEASURED, GROUND) {
+        self.ground_values(person);
+        // While device time is not tied to host time, the state's sample time is undefined.
+        if !suit_published || valid.any_of(Validity::CLOCK_UNSYNCHRONISED) {
+            return;
+        }
+        self.body_values(person);
+        self.load_values(person);
+        self.torques(person);
+        self.low_back(person);
+    }
+
+    /// Whether a value is valid, and no sensor that it depends on was delayed by the host.
+    fn is_checked(&self, invalidating: Validity, needs: Needs) -> bool {
+        !self.state.validity().any_of(invalidating)
+            && !(0..2).any(|sensor| needs[sensor] && self.held_up[sensor])
+    }
+
+    /// Centre of pressure and force of the plate.
+    fn ground_values(&mut self, person: &SimulationHandle) {
+        let state = self.state;
+        if self.is_checked(Validity::INVALIDATES_COP_MEASURED, GROUND) {
             let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_measured_sigma_m);
             self.compare("measured cop", person, bound_m, |truth| {
                 (Vector2::from(state.cop_measured_m) - truth.cop_m).norm()
             });
         }
-        if published(Validity::INVALIDATES_GROUND_FORCE, GROUND) {
+        if self.is_checked(Validity::INVALIDATES_GROUND_FORCE, GROUND) {
             self.compare("ground force", person, FORCE_FLOOR_N, |truth| {
                 (state.ground_force_n[2] - truth.ground.force_n.z).abs()
             });
         }
-        // While device time is not tied to host time, the state's sample time is undefined.
-        if !suit_published || valid.any_of(Validity::CLOCK_UNSYNCHRONISED) {
-            return;
-        }
-        if published(Validity::INVALIDATES_COM, SUIT) {
+    }
+
+    /// Centre of mass, centre of pressure without the load, and segments.
+    fn body_values(&mut self, person: &SimulationHandle) {
+        let state = self.state;
+        if self.is_checked(Validity::INVALIDATES_COM, SUIT) {
             // In motion too fast for the centre of pressure the state has no σ; the model error of the body is the same
             // as before.
             if state.cop_sigma_m != [0.0; 2] {
@@ -234,32 +251,42 @@ impl Checker {
                 (Vector3::from(state.com_m) - truth.com_m).xy().norm()
             });
         }
-        if published(Validity::INVALIDATES_COP_ESTIMATED, SUIT) {
+        if self.is_checked(Validity::INVALIDATES_COP_ESTIMATED, SUIT) {
             let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_sigma_m);
             self.compare("estimated cop", person, bound_m, |truth| {
                 (Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m).norm()
             });
         }
-        if published(Validity::INVALIDATES_COM, SUIT) {
+        if self.is_checked(Validity::INVALIDATES_COM, SUIT) {
             self.compare("segments", person, SEGMENT_FLOOR_M, |truth| {
                 let error_m =
                     |i: usize| (Vector3::from(state.segment_origin_m[i]) - truth.body.origin_m[i]).norm();
                 (0..SEGMENTS).map(error_m).fold(0.0, f64::max)
             });
         }
-        if published(Validity::INVALIDATES_DELTA_F, BOTH) {
+    }
+
+    /// External force and lifted mass.
+    fn load_values(&mut self, person: &SimulationHandle) {
+        let state = self.state;
+        if self.is_checked(Validity::INVALIDATES_DELTA_F, BOTH) {
             let bound_n = FORCE_FLOOR_N + SIGMAS * state.delta_f_sigma_n;
             self.compare("external force", person, bound_n, |truth| {
                 (state.delta_f_n[2] + truth.load_force_in_motion_n.z).abs()
             });
         }
-        if published(Validity::INVALIDATES_LIFTED_MASS.and(Validity::NOT_IDENTIFIED), BOTH) {
+        if self.is_checked(Validity::INVALIDATES_LIFTED_MASS.and(Validity::NOT_IDENTIFIED), BOTH) {
             let bound_kg = MASS_FLOOR_KG + SIGMAS * state.lifted_mass_sigma_kg;
             self.compare("lifted mass", person, bound_kg, |truth| {
                 (state.lifted_mass_kg - truth.body.load_kg).abs()
             });
         }
-        if published(Validity::INVALIDATES_TORQUES, BOTH) {
+    }
+
+    /// Torques of all joints, by the one with the largest error.
+    fn torques(&mut self, person: &SimulationHandle) {
+        let state = self.state;
+        if self.is_checked(Validity::INVALIDATES_TORQUES, BOTH) {
             let bound_ratio = |truth: &Truth, j: usize| {
                 let error_nm = (Vector3::from(state.torque_nm[j]) - truth.overload_in_motion_nm[j]).norm();
                 error_nm / (torque_floor_nm(Joint::ALL[j]) + SIGMAS * state.torque_sigma_nm[j])
@@ -272,7 +299,12 @@ impl Checker {
             });
         }
         self.worst_joint = JOINTS;
-        if published(Validity::INVALIDATES_LOW_BACK, BOTH) {
+    }
+
+    /// Moment and compression at L5/S1.
+    fn low_back(&mut self, person: &SimulationHandle) {
+        let state = self.state;
+        if self.is_checked(Validity::INVALIDATES_LOW_BACK, BOTH) {
             let bound_nm = BACK_FLOOR_NM + SIGMAS * state.l5s1_moment_sigma_nm;
             self.compare("low back", person, bound_nm, |truth| {
                 (state.l5s1_moment_nm - truth.back.moment_nm.xy().norm()).abs()

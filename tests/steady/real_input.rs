@@ -120,46 +120,64 @@ fn differences(csv: &Path, rows: &[(SuitSample, GroundSample)]) -> Result<(), St
 
     let speed_m_per_s = fastest_m_per_s(rows);
     let bound_m = CURVATURE * speed_m_per_s * difference_s + WIRE_M;
-    let (mut compared, mut worst_row) = (0, 0);
-    let [mut worst_measured_m, mut worst_same_m, mut worst_estimated_m] = [0.0_f64; 3];
-    // The loop skips a sample of the suit whose wrench is too late; accelerations around it are then others.
-    let has_window =
-        |row: &u32| stamps.know_window_of(*row) && window_of(*row).all(|near| live.contains_key(&near));
-    for (row, [measured, estimated]) in live.iter().filter(|(row, _)| has_window(row)) {
-        let (Some([file_measured, _]), Some([same_measured, same_estimated])) =
-            (from_file.get(row), at_live_stamps.get(row))
-        else {
-            continue;
-        };
-        compared += 1;
-        for axis in 0..2 {
-            worst_measured_m = worst_measured_m.max((measured[axis] - file_measured[axis]).abs());
-            worst_same_m = worst_same_m.max((measured[axis] - same_measured[axis]).abs());
-            let apart_m = (estimated[axis] - same_estimated[axis]).abs();
-            if apart_m > worst_estimated_m {
-                (worst_estimated_m, worst_row) = (apart_m, *row);
-            }
-        }
-    }
+    let worst = Worst::of(&live, &stamps, &from_file, &at_live_stamps);
     println!(
-        "{compared} instants; measured CoP differs by at most {:.4} mm (bound {:.4} mm: stamps at most {:.3} ms apart, \
+        "{} instants; measured CoP differs by at most {:.4} mm (bound {:.4} mm: stamps at most {:.3} ms apart, \
          CoP at most {speed_m_per_s:.2} m/s); at the same stamps measured by {:.6} mm, estimated by {:.6} mm",
-        worst_measured_m * 1e3,
+        worst.compared,
+        worst.measured_m * 1e3,
         bound_m * 1e3,
         difference_s * 1e3,
-        worst_same_m * 1e3,
-        worst_estimated_m * 1e3
+        worst.same_m * 1e3,
+        worst.estimated_m * 1e3
     );
+    let Worst { compared, measured_m, same_m, estimated_m, row } = worst;
     let limits = [
         (compared > rows.len() / 2, format!("{compared} of {} rows are comparable", rows.len())),
-        (worst_measured_m <= bound_m, format!("measured: {worst_measured_m} m")),
-        (worst_same_m <= WIRE_M, format!("measured at the same stamps: {worst_same_m} m")),
-        (
-            worst_estimated_m <= WIRE_M + WIRE_IN_MOTION_M,
-            format!("estimated: {worst_estimated_m} m at row {worst_row}"),
-        ),
+        (measured_m <= bound_m, format!("measured: {measured_m} m")),
+        (same_m <= WIRE_M, format!("measured at the same stamps: {same_m} m")),
+        (estimated_m <= WIRE_M + WIRE_IN_MOTION_M, format!("estimated: {estimated_m} m at row {row}")),
     ];
     limits.into_iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, what)| Err(what))
+}
+
+/// Largest differences between the live results and those from the file, m.
+#[derive(Default)]
+struct Worst {
+    compared: usize,
+    measured_m: f64,
+    /// Of the measured CoP from that of the file's rows at their live stamps.
+    same_m: f64,
+    /// Of the estimated CoP, likewise.
+    estimated_m: f64,
+    /// That of `estimated_m`.
+    row: u32,
+}
+
+impl Worst {
+    fn of(live: &Cops, stamps: &Stamps, from_file: &Cops, at_live_stamps: &Cops) -> Worst {
+        let mut worst = Worst::default();
+        // The loop skips a sample of the suit whose wrench is too late; accelerations around it are then others.
+        let has_window =
+            |row: &u32| stamps.know_window_of(*row) && window_of(*row).all(|near| live.contains_key(&near));
+        for (row, [measured, estimated]) in live.iter().filter(|(row, _)| has_window(row)) {
+            let (Some([file_measured, _]), Some([same_measured, same_estimated])) =
+                (from_file.get(row), at_live_stamps.get(row))
+            else {
+                continue;
+            };
+            worst.compared += 1;
+            for axis in 0..2 {
+                worst.measured_m = worst.measured_m.max((measured[axis] - file_measured[axis]).abs());
+                worst.same_m = worst.same_m.max((measured[axis] - same_measured[axis]).abs());
+                let apart_m = (estimated[axis] - same_estimated[axis]).abs();
+                if apart_m > worst.estimated_m {
+                    (worst.estimated_m, worst.row) = (apart_m, *row);
+                }
+            }
+        }
+        worst
+    }
 }
 
 /// The rows on which the accelerations at a row depend.

@@ -2,7 +2,7 @@
 //!
 //! # The contract
 //!
-//! Keys are in the order of [`StateJson`]'s fields, so equal states have equal bytes. The key of an invalid value is
+//! Keys are in the order of the fields, so equal states have equal bytes. The key of an invalid value is
 //! **absent**: never `null`, never `NaN`, never an outdated value. Always present: `t`, `cycle`, `phase`, `valid`,
 //! `static_pose`, `converged`, `poses_used`, `stance`, `motion_samples_used`, `group_delay_ns`, and the sums over the
 //! shift: `lifts`, `dose_damage`, `dose_probability`, `fatigue`.
@@ -49,21 +49,22 @@
 //! The `level` of a joint is `none`, `green`, `orange`, `red`, `above_max`, or `undecided` if the uncertainty of the
 //! torque covers two levels.
 
+mod groups;
 mod joints;
 pub mod schema;
 #[cfg(test)]
 pub(crate) mod tests;
 
 use equipoise_core::body::Joint;
-use equipoise_core::cycle::{BodyRejection, BodySource};
-use equipoise_core::message::state::{AccelerationSource, FootOutlineSource, SharingSource, Unavailable};
-use equipoise_core::message::{GroundDevice, State, Validity};
+use equipoise_core::message::state::Unavailable;
+use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
 use serde::Serialize;
 
+use groups::{Advice, Body, Filter, Forces, LoadPosition, LowBack, Motion};
 use joints::{Joints, PerJoint};
 
-/// A state, ready to be written as one JSON object. Fields are in the order of the keys.
+/// A state, ready to be written as one JSON object. Fields, also those of flattened groups, are in the order of the keys.
 #[derive(Debug, Clone, Serialize)]
 pub struct StateJson<'a> {
     t: f64,
@@ -84,90 +85,20 @@ pub struct StateJson<'a> {
     suit_age_ns: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     ground_age_ns: Option<u64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    mass_kg: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    body_source: Option<&'static str>,
-    foot_outline_source: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    body_rejected: Option<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cop_measured: Option<[f64; 2]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cop_measured_sigma: Option<[f64; 2]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cop_estimated: Option<[f64; 2]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cop_sigma: Option<[f64; 2]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    com: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    suit_com: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    acceleration_source: Option<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    ground_force_n: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    vertical_force_n: Option<f64>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    ground_devices: Vec<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    delta_f_n: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    delta_f_sigma_n: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    lifted_mass_kg: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    lifted_mass_sigma_kg: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    foot_load_fraction: Option<[f64; 2]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    foot_load_fraction_sigma: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    sharing_source: Option<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    hand_load_fraction: Option<[f64; 2]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    hand_load_fraction_sigma: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    load_hand_distance_m: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    reach_m: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    reach_sigma_m: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    variance_max_m2: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    predicted_cop_sigma_m: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    nis: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    prior_inflation: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pose_mismatch_rad: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    suit_skew_s: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    suit_skew_sigma_s: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    l5s1_moment_nm: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    l5s1_moment_sigma_nm: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    l5s1_compression_n: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    l5s1_compression_sigma_n: Option<f64>,
-    lifts: u32,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    dose_damage: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    dose_probability: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    worst_joint: Option<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    advice_direction: Option<[f64; 3]>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    advice_gain_nm_per_cm: Option<f64>,
+    #[serde(flatten)]
+    body: Body,
+    #[serde(flatten)]
+    motion: Motion,
+    #[serde(flatten)]
+    forces: Forces,
+    #[serde(flatten)]
+    load_position: LoadPosition,
+    #[serde(flatten)]
+    filter: Filter,
+    #[serde(flatten)]
+    low_back: LowBack,
+    #[serde(flatten)]
+    advice: Advice,
     fatigue: PerJoint<'a>,
     #[serde(skip_serializing_if = "Option::is_none")]
     joints: Option<Joints<'a>>,
@@ -176,10 +107,6 @@ pub struct StateJson<'a> {
 impl<'a> StateJson<'a> {
     /// The state at `t_s` seconds of the caller's clock: a recording's own time, or CLOCK_MONOTONIC when live.
     pub fn new(state: &'a State, t_s: f64) -> StateJson<'a> {
-        let back = |value: f64| state.unless(Validity::INVALIDATES_LOW_BACK, value).and_then(finite);
-        let lifted = |value: f64| state.unless(Validity::INVALIDATES_LIFTED_MASS, value).and_then(finite);
-        let skew = |value: f64| (state.suit_skew_sigma_s > 0.0).then_some(value).and_then(finite);
-        let advised = state.advice_direction != [0.0; 3];
         StateJson {
             t: t_s,
             cycle: state.cycle,
@@ -195,95 +122,13 @@ impl<'a> StateJson<'a> {
             suggested_pose: Some(state.suggested_pose).filter(|pose| *pose != u32::MAX),
             suit_age_ns: (state.suit_sample_time_ns != 0).then_some(state.suit_age_ns),
             ground_age_ns: (state.ground_age_ns != u64::MAX).then_some(state.ground_age_ns),
-            mass_kg: state.unless(Validity::MASS_UNKNOWN, state.mass_kg).and_then(finite),
-            body_source: BodySource::from_number(state.body_source)
-                .filter(|source| *source != BodySource::Unknown)
-                .map(BodySource::name),
-            foot_outline_source: FootOutlineSource::from_number(state.foot_outline_source)
-                .map_or("unknown", FootOutlineSource::name),
-            body_rejected: BodyRejection::from_number(state.body_rejected)
-                .filter(|refusal| *refusal != BodyRejection::None)
-                .map(BodyRejection::name),
-            cop_measured: state
-                .unless(Validity::INVALIDATES_COP_MEASURED, state.cop_measured_m)
-                .and_then(all_finite),
-            cop_measured_sigma: state
-                .unless(Validity::INVALIDATES_COP_MEASURED, state.cop_measured_sigma_m)
-                .filter(|sigma_m| sigma_m.iter().all(|sigma_m| *sigma_m > 0.0))
-                .and_then(all_finite),
-            cop_estimated: state
-                .unless(Validity::INVALIDATES_COP_ESTIMATED, state.cop_estimated_m)
-                .and_then(all_finite),
-            cop_sigma: state
-                .unless(Validity::INVALIDATES_COP_ESTIMATED, state.cop_sigma_m)
-                .and_then(all_finite),
-            com: state.unless(Validity::INVALIDATES_COM, state.com_m).and_then(all_finite),
-            suit_com: state.suit_com_m().and_then(all_finite),
-            acceleration_source: state
-                .unless(Validity::INVALIDATES_COM, state.acceleration_source)
-                .and_then(AccelerationSource::from_number)
-                .map(AccelerationSource::name),
-            ground_force_n: state
-                .unless(Validity::INVALIDATES_GROUND_FORCE, state.ground_force_n)
-                .filter(|_| state.provides(Unavailable::Shear))
-                .and_then(all_finite),
-            vertical_force_n: state
-                .unless(Validity::INVALIDATES_GROUND_FORCE, state.ground_force_n[2])
-                .and_then(finite),
-            ground_devices: named(
-                GroundDevice::NAMES.map(|(bit, name)| (bit as u32, name)),
-                state.unless(Validity::INVALIDATES_GROUND_FORCE, state.ground_devices).unwrap_or(0),
-            ),
-            delta_f_n: state.unless(Validity::INVALIDATES_DELTA_F, state.delta_f_n).and_then(all_finite),
-            delta_f_sigma_n: state
-                .unless(Validity::INVALIDATES_DELTA_F, state.delta_f_sigma_n)
-                .and_then(positive),
-            lifted_mass_kg: lifted(state.lifted_mass_kg),
-            lifted_mass_sigma_kg: lifted(state.lifted_mass_sigma_kg),
-            foot_load_fraction: state
-                .unless(Validity::INVALIDATES_TORQUES, state.foot_load_fraction)
-                .and_then(all_finite),
-            foot_load_fraction_sigma: state
-                .unless(Validity::INVALIDATES_TORQUES, state.foot_load_fraction_sigma)
-                .and_then(finite),
-            sharing_source: state
-                .unless(Validity::INVALIDATES_TORQUES, state.sharing_source)
-                .and_then(SharingSource::from_number)
-                .map(SharingSource::name),
-            hand_load_fraction: state
-                .unless(Validity::INVALIDATES_TORQUES, state.hand_load_fraction)
-                .and_then(all_finite),
-            hand_load_fraction_sigma: state
-                .unless(Validity::INVALIDATES_TORQUES, state.hand_load_fraction_sigma)
-                .and_then(finite),
-            load_hand_distance_m: state
-                .unless(Validity::INVALIDATES_LOAD_HAND_DISTANCE, state.load_hand_distance_m)
-                .and_then(finite),
-            reach_m: state.unless(Validity::INVALIDATES_TORQUES, state.reach_m).and_then(finite),
-            reach_sigma_m: state.unless(Validity::INVALIDATES_TORQUES, state.reach_sigma_m).and_then(finite),
-            variance_max_m2: positive(state.variance_max_m2),
-            predicted_cop_sigma_m: positive(state.predicted_cop_sigma_m),
-            nis: positive(state.nis),
-            prior_inflation: positive(state.prior_inflation),
-            pose_mismatch_rad: state.pose_mismatch_rad().and_then(finite),
-            suit_skew_s: skew(state.suit_skew_s),
-            suit_skew_sigma_s: skew(state.suit_skew_sigma_s),
-            l5s1_moment_nm: back(state.l5s1_moment_nm),
-            l5s1_moment_sigma_nm: back(state.l5s1_moment_sigma_nm),
-            l5s1_compression_n: back(state.l5s1_compression_n),
-            l5s1_compression_sigma_n: back(state.l5s1_compression_sigma_n),
-            lifts: state.lifts,
-            dose_damage: finite(state.dose_damage),
-            dose_probability: finite(state.dose_probability),
-            worst_joint: worst_joint(state).map(Joint::name),
-            advice_direction: state
-                .unless(Validity::INVALIDATES_TORQUES, state.advice_direction)
-                .filter(|_| advised)
-                .and_then(all_finite),
-            advice_gain_nm_per_cm: state
-                .unless(Validity::INVALIDATES_TORQUES, state.advice_gain_nm_per_cm)
-                .filter(|_| advised)
-                .and_then(finite),
+            body: Body::of(state),
+            motion: Motion::of(state),
+            forces: Forces::of(state),
+            load_position: LoadPosition::of(state),
+            filter: Filter::of(state),
+            low_back: LowBack::of(state),
+            advice: Advice::of(state),
             fatigue: PerJoint(&state.fatigue),
             joints: state.unless(Validity::INVALIDATES_TORQUES, Joints(state)),
         }
@@ -291,8 +136,10 @@ impl<'a> StateJson<'a> {
 
     /// The same without what a body is alone: its mass, and where its centre is.
     #[must_use]
-    pub fn without_body(self) -> StateJson<'a> {
-        StateJson { mass_kg: None, com: None, suit_com: None, acceleration_source: None, ..self }
+    pub fn without_body(mut self) -> StateJson<'a> {
+        self.body.mass_kg = None;
+        (self.motion.com, self.motion.suit_com, self.motion.acceleration_source) = (None, None, None);
+        self
     }
 
     /// The object as text, without a line break.

@@ -144,14 +144,8 @@ impl SuitAssembler {
         self.counts.refuse(refusal.index());
     }
 
-    fn accept(&mut self, bytes: &[u8], arrival_ns: u64) -> Result<(), SuitRefusal> {
-        let datagram = Datagram::parse(bytes)?;
-        let Some(header) = datagram.header().copied() else {
-            return Ok(());
-        };
-        if header.avatar != self.settings.avatar {
-            return Err(SuitRefusal::OtherAvatar);
-        }
+    /// The datagram's part of a sample; `None` if it is valid but not part of one.
+    fn part_of(&mut self, datagram: Datagram<'_>, arrival_ns: u64) -> Result<Option<Part>, SuitRefusal> {
         let check_up = self.settings.check_up_axis;
         let up = self.settings.up;
         let part = match datagram {
@@ -167,7 +161,9 @@ impl SuitAssembler {
             Datagram::Unity(_, body) => {
                 Part::pose(body.to_z_up().into_iter(), TypeSet::POSE_UNITY, check_up)?
             }
-            Datagram::AngularKinematics(..) | Datagram::CentreOfMass(..) if up == UpAxis::Y => return Ok(()),
+            Datagram::AngularKinematics(..) | Datagram::CentreOfMass(..) if up == UpAxis::Y => {
+                return Ok(None);
+            }
             Datagram::LinearKinematics(_, items) => {
                 let up = self.linear_up(items).ok_or(SuitRefusal::UpsideDown)?;
                 Part::linear(items, up)?
@@ -177,16 +173,28 @@ impl SuitAssembler {
             Datagram::CentreOfMass(_, com) => Part::com(&com)?,
             Datagram::Meta(_, meta) => {
                 self.subject.take_meta(meta);
-                return Ok(());
+                return Ok(None);
             }
             Datagram::Scale(_, scale) => {
                 let taken = self.subject.take_scale(&scale, self.session, arrival_ns);
-                return if taken { Ok(()) } else { Err(SuitRefusal::NotFinite) };
+                return if taken { Ok(None) } else { Err(SuitRefusal::NotFinite) };
             }
             // Valid, but not part of a sample.
-            Datagram::Unused(_) | Datagram::Json => return Ok(()),
+            Datagram::Unused(_) | Datagram::Json => return Ok(None),
             Datagram::Unknown(_) => return Err(SuitRefusal::UnknownType),
         };
+        Ok(Some(part))
+    }
+
+    fn accept(&mut self, bytes: &[u8], arrival_ns: u64) -> Result<(), SuitRefusal> {
+        let datagram = Datagram::parse(bytes)?;
+        let Some(header) = datagram.header().copied() else {
+            return Ok(());
+        };
+        if header.avatar != self.settings.avatar {
+            return Err(SuitRefusal::OtherAvatar);
+        }
+        let Some(part) = self.part_of(datagram, arrival_ns)? else { return Ok(()) };
         self.layout = header.layout().or(self.layout);
         match self.sequence.classify(header.sample_counter, arrival_ns) {
             SequencePosition::Old => return Err(SuitRefusal::OutOfOrder),

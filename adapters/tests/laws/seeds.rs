@@ -47,16 +47,7 @@ impl Part {
 pub(crate) fn part(part: Part, counter: u32, time_s: f64) -> Vec<u8> {
     let header = Header::new(counter, (time_s * 1e3) as u32, 0);
     let [cos, sin] = [(time_s * 0.2).cos() as f32, (time_s * 0.2).sin() as f32];
-    let origins = Skeleton::nominal(1.75).t_pose_m().map(|[x, y, z]| [x as f32, y as f32, z as f32 + 0.95]);
-    let poses: Vec<SegmentPose> = origins
-        .iter()
-        .enumerate()
-        .map(|(index, origin)| SegmentPose {
-            segment_id: index as u32 + 1,
-            position_m: *origin,
-            orientation_wxyz: [cos, 0.0, 0.0, sin],
-        })
-        .collect();
+    let poses = poses(cos, sin);
     let mut out = Vec::new();
     match part {
         Part::PoseQuaternion => pose_quaternion::encode(&header, &poses, &mut out),
@@ -65,37 +56,15 @@ pub(crate) fn part(part: Part, counter: u32, time_s: f64) -> Vec<u8> {
             pose_euler::encode(&header, &euler, &mut out)
         }
         Part::LinearKinematics => {
-            let items: Vec<_> = poses
-                .iter()
-                .map(|pose| LinearKinematics {
-                    segment_id: pose.segment_id,
-                    position_m: pose.position_m,
-                    velocity_m_per_s: [0.1, sin, 0.0],
-                    acceleration_m_per_s2: [0.0, cos, 0.0],
-                })
-                .collect();
+            let items: Vec<_> = poses.iter().map(|pose| linear(pose, cos, sin)).collect();
             linear_kinematics::encode(&header, &items, &mut out)
         }
         Part::AngularKinematics => {
-            let items: Vec<_> = poses
-                .iter()
-                .map(|pose| AngularKinematics {
-                    segment_id: pose.segment_id,
-                    orientation_wxyz: pose.orientation_wxyz,
-                    angular_velocity_rad_per_s: [0.0, 0.0, 0.4],
-                    angular_acceleration_rad_per_s2: [0.0; 3],
-                })
-                .collect();
+            let items: Vec<_> = poses.iter().map(angular).collect();
             angular_kinematics::encode(&header, &items, &mut out)
         }
         Part::JointAngles => {
-            let items: Vec<_> = (0..JOINTS as u32)
-                .map(|joint| JointAngle {
-                    parent_point: (joint + 1) << 8 | 2,
-                    child_point: (joint + 2) << 8 | 1,
-                    angle_deg: [1.0, sin * 10.0, 20.0],
-                })
-                .collect();
+            let items: Vec<_> = (0..JOINTS as u32).map(|joint| angles(joint, sin)).collect();
             joint_angles::encode(&header, &items, &mut out)
         }
         Part::CentreOfMass => {
@@ -106,8 +75,8 @@ pub(crate) fn part(part: Part, counter: u32, time_s: f64) -> Vec<u8> {
         Part::Scale => {
             let segments: Vec<_> = Segment::ALL
                 .into_iter()
-                .zip(&origins)
-                .map(|(segment, origin)| NullPoseSegment { name: segment.name(), origin_m: *origin })
+                .zip(&poses)
+                .map(|(segment, pose)| NullPoseSegment { name: segment.name(), origin_m: pose.position_m })
                 .collect();
             let point = SegmentPoint {
                 segment_id: 18,
@@ -122,6 +91,42 @@ pub(crate) fn part(part: Part, counter: u32, time_s: f64) -> Vec<u8> {
     .unwrap();
     assert!(Datagram::parse(&out).is_ok());
     out
+}
+
+fn poses(cos: f32, sin: f32) -> Vec<SegmentPose> {
+    let origins = Skeleton::nominal(1.75).t_pose_m().map(|[x, y, z]| [x as f32, y as f32, z as f32 + 0.95]);
+    let pose = |(index, position_m): (usize, [f32; 3])| SegmentPose {
+        segment_id: index as u32 + 1,
+        position_m,
+        orientation_wxyz: [cos, 0.0, 0.0, sin],
+    };
+    origins.into_iter().enumerate().map(pose).collect()
+}
+
+fn linear(pose: &SegmentPose, cos: f32, sin: f32) -> LinearKinematics {
+    LinearKinematics {
+        segment_id: pose.segment_id,
+        position_m: pose.position_m,
+        velocity_m_per_s: [0.1, sin, 0.0],
+        acceleration_m_per_s2: [0.0, cos, 0.0],
+    }
+}
+
+fn angular(pose: &SegmentPose) -> AngularKinematics {
+    AngularKinematics {
+        segment_id: pose.segment_id,
+        orientation_wxyz: pose.orientation_wxyz,
+        angular_velocity_rad_per_s: [0.0, 0.0, 0.4],
+        angular_acceleration_rad_per_s2: [0.0; 3],
+    }
+}
+
+fn angles(joint: u32, sin: f32) -> JointAngle {
+    JointAngle {
+        parent_point: (joint + 1) << 8 | 2,
+        child_point: (joint + 2) << 8 | 1,
+        angle_deg: [1.0, sin * 10.0, 20.0],
+    }
 }
 
 /// One of each type.

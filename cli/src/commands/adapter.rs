@@ -66,16 +66,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     // Before the scheduling is requested, which the thread would inherit.
     let watch = DaemonWatch::start(stream, &config);
     let mut reported = None;
-    let report = realtime::request(stream.name(), sensors::requested_scheduling(&config));
-    match report.missing() {
-        Some(missing) if config.tick.strict => {
-            let fault = format!("loop.strict: {missing}");
-            adapter_fault::publish(&config.station, stream.name(), Some(&fault));
-            bail!("{fault}");
-        }
-        Some(missing) => warn!("{missing}"),
-        None => {}
-    }
+    let report = request_scheduling(stream, &config)?;
     while !stop.load(Ordering::Relaxed) {
         if stream.is_external(&config) {
             let name = stream.name();
@@ -125,6 +116,21 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     adapter_fault::publish(&config.station, stream.name(), None);
     Ok(Outcome::Done)
+}
+
+/// Requests the adapter's scheduling; under `loop.strict` a refusal is an error.
+fn request_scheduling(stream: Stream, config: &Config) -> anyhow::Result<ThreadReport> {
+    let report = realtime::request(stream.name(), sensors::requested_scheduling(config));
+    match report.missing() {
+        Some(missing) if config.tick.strict => {
+            let fault = format!("loop.strict: {missing}");
+            adapter_fault::publish(&config.station, stream.name(), Some(&fault));
+            bail!("{fault}");
+        }
+        Some(missing) => warn!("{missing}"),
+        None => {}
+    }
+    Ok(report)
 }
 
 /// Runs the adapter until `stopping`.

@@ -185,6 +185,11 @@ fn weigh(arguments: &Arguments, mass_kg: f64) -> anyhow::Result<Outcome> {
             .as_ref()
             .and_then(|frame| results::geometry_of(verification.placed(), &arguments.at, frame)),
     };
+    report(arguments, &result)
+}
+
+/// Displays the result; an error above the tolerance is the outcome.
+fn report(arguments: &Arguments, result: &MassResult) -> anyhow::Result<Outcome> {
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&result.json())?);
     } else {

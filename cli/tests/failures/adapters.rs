@@ -122,6 +122,23 @@ fn with_separate_adapters_the_daemon_has_no_network_socket() {
     assert_nothing_left(&station);
 }
 
+/// Message of an active incident.
+fn incident(station: &Station, name: &str) -> Option<String> {
+    let status = station.status()?;
+    status["daemon"]["incidents"][name].as_str().map(str::to_owned)
+}
+
+/// The ground adapter reads its file again.
+fn reload_ground(station: &Station) {
+    station.with_adapter(1, |ground| {
+        let times = ground.stderr().matches("is read again").count();
+        ground.send(Signal::HUP);
+        wait_for("the configuration to be read again", || {
+            (ground.stderr().matches("is read again").count() > times).then_some(())
+        });
+    });
+}
+
 #[test]
 fn a_separate_adapter_reloads_its_file_and_its_fault_is_an_incident_of_the_daemon() {
     let station = Station::with_separate_adapters();
@@ -131,35 +148,39 @@ fn a_separate_adapter_reloads_its_file_and_its_fault_is_an_incident_of_the_daemo
     let daemon = station.daemon_of("live.toml", &[]);
     let mut monitor = Monitor::open(&station);
     monitor.until("both sensors", Monitor::both_fresh);
-    let incident = |name: &str| {
-        let status = station.status()?;
-        status["daemon"]["incidents"][name].as_str().map(str::to_owned)
-    };
-    let reload = || {
-        station.with_adapter(1, |ground| {
-            let times = ground.stderr().matches("is read again").count();
-            ground.send(Signal::HUP);
-            wait_for("the configuration to be read again", || {
-                (ground.stderr().matches("is read again").count() > times).then_some(())
-            });
-        });
-    };
 
     // A refused configuration changes nothing.
     station.write("live.toml", &text.replace("measures", "measure").replace("[subject]", "[subjects]"));
-    reload();
+    reload_ground(&station);
     monitor.until("both sensors", Monitor::both_fresh);
     station.with_adapter(1, |ground| {
         wait_for("the refusal", || ground.stderr().contains("stays in force").then_some(()));
     });
+    assert_device_of_the_daemon_is_kept(&station, &mut monitor, &text);
+    drop(daemon);
+    let daemon = assert_absent_device_is_an_incident(&station, &mut monitor, &text);
+    assert_ended_adapter_is_an_incident(&station);
+    let path = station.file("live.toml").display().to_string();
+    let mut suit = station.spawn(&["adapter", "suit", "--config", &path]);
+    monitor.until("both sensors", Monitor::both_fresh);
+    wait_for("the end of the fault", || incident(&station, "suit_adapter_down").is_none().then_some(()));
+    // A change of sensor keys that the daemon uses too is reported with both units.
+    station.write("live.toml", &text.replace("[ground]", "latency_ms = 10.0\n[ground]"));
+    daemon.send(Signal::HUP);
+    wait_for("what needs a restart", || {
+        let message = "suit.latency_ms changed: takes effect at the next restart of equipoise and equipoise-adapter@suit";
+        daemon.stderr().contains(message).then_some(())
+    });
+    assert_eq!(suit.stop(Signal::TERM), Some(0), "{}", suit.stderr());
+}
 
-    // An absent device: the adapter's own message reaches the daemon.
+/// The file names another device: its tare and latency are not those of the daemon's.
+fn assert_device_of_the_daemon_is_kept(station: &Station, monitor: &mut Monitor, text: &str) {
     let (head, rest) = text.split_once("[ground]").expect("a plate");
     let (_, subject) = rest.split_once("[subject]").expect("a subject");
     let missing = "source = \"bota-serial\"\n[ground.serial]\nport = \"/dev/serial/by-id/missing\"\n";
     station.write("live.toml", &format!("{head}[ground]\n{missing}[subject]{subject}"));
-    reload();
-    // The daemon has the device before: its tare and latency are not those of another one.
+    reload_ground(station);
     station.with_adapter(1, |ground| {
         wait_for("the refusal", || ground.stderr().contains("once equipoise is restarted").then_some(()));
     });
@@ -171,26 +192,33 @@ fn a_separate_adapter_reloads_its_file_and_its_fault_is_an_incident_of_the_daemo
         *ground = station.spawn(&["adapter", "ground", "--config", &path]);
     });
     let fault = wait_for("the adapter's fault", || {
-        incident("ground_adapter_down")
+        incident(station, "ground_adapter_down")
             .filter(|fault| fault.contains("differs from that of the running daemon"))
     });
     monitor.until("no plate", |monitor| monitor.has(Validity::GROUND_STALE));
     assert!(fault.contains("[ground]"), "{fault}");
-    drop(daemon);
+}
+
+/// The adapter's own message reaches the daemon. Returns a daemon with the original file.
+fn assert_absent_device_is_an_incident(station: &Station, monitor: &mut Monitor, text: &str) -> Process {
+    let path = station.file("live.toml").display().to_string();
     let restart = || station.spawn(&["run", "--sensors-apart", "--config", &path]);
     let daemon = restart();
     let fault = wait_for("the adapter's fault", || {
-        incident("ground_adapter_down").filter(|fault| fault.contains("/dev/serial/by-id/missing"))
+        incident(station, "ground_adapter_down").filter(|fault| fault.contains("/dev/serial/by-id/missing"))
     });
     assert!(!fault.contains("differs"), "{fault}");
     // An adapter follows a restarted daemon.
-    station.write("live.toml", &text);
+    station.write("live.toml", text);
     drop(daemon);
     let daemon = restart();
     monitor.until("both sensors", Monitor::both_fresh);
-    wait_for("the end of the fault", || incident("ground_adapter_down").is_none().then_some(()));
+    wait_for("the end of the fault", || incident(station, "ground_adapter_down").is_none().then_some(()));
+    daemon
+}
 
-    // Its process ends: the incident names the unit, and the reason.
+/// The suit adapter's process ends: the incident names the unit, and the reason.
+fn assert_ended_adapter_is_an_incident(station: &Station) {
     station.with_adapter(0, Process::kill);
     let occupied = std::net::UdpSocket::bind(station.suit).expect("the suit's port");
     let path = station.file("live.toml").display().to_string();
@@ -198,22 +226,11 @@ fn a_separate_adapter_reloads_its_file_and_its_fault_is_an_incident_of_the_daemo
     // The reason is in the incident's text a second after its begin, at the latest.
     let address = station.suit.to_string();
     wait_for("a suit without adapter", || {
-        let fault = incident("suit_adapter_down")?;
+        let fault = incident(station, "suit_adapter_down")?;
         let is_whole = fault.contains("journalctl -u equipoise-adapter@suit") && fault.contains(&address);
         is_whole.then_some(())
     });
     drop(occupied);
-    let mut suit = station.spawn(&["adapter", "suit", "--config", &path]);
-    monitor.until("both sensors", Monitor::both_fresh);
-    wait_for("the end of the fault", || incident("suit_adapter_down").is_none().then_some(()));
-    // A change of sensor keys that the daemon uses too is reported with both units.
-    station.write("live.toml", &text.replace("[ground]", "latency_ms = 10.0\n[ground]"));
-    daemon.send(Signal::HUP);
-    wait_for("what needs a restart", || {
-        let message = "suit.latency_ms changed: takes effect at the next restart of equipoise and equipoise-adapter@suit";
-        daemon.stderr().contains(message).then_some(())
-    });
-    assert_eq!(suit.stop(Signal::TERM), Some(0), "{}", suit.stderr());
 }
 
 #[test]

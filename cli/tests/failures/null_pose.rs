@@ -1,5 +1,6 @@
 //! The suit's null pose over the wire: the worker's segment lengths and soles, in status, recording and replay.
 
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use equipoise_adapters::recording::{Entry, Recording};
@@ -74,7 +75,17 @@ fn segments_and_foot_outlines_are_those_of_the_suit() {
     let out = station.file("live.mcap");
     let recorded = station.command("record").arg(&out).args(["--for", "8"]).output().unwrap();
     assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", describe_output(&recorded));
-    let recording = Recording::open(&out).unwrap();
+    assert_recorded_outlines(&out, &person);
+    assert_replayed_body(&out);
+    let lines = station.file("live.jsonl");
+    let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", describe_output(&output));
+    let lines = std::fs::read_to_string(lines).unwrap();
+    assert!(lines.lines().last().unwrap().contains(r#""suit_com":["#), "the suit's own centre is published");
+}
+
+fn assert_recorded_outlines(recording: &Path, person: &Person) {
+    let recording = Recording::open(recording).unwrap();
     let (mut bodies, mut taken) = (Vec::new(), 0);
     for timed in recording.entries().map_while(Result::ok) {
         match timed.entry {
@@ -92,7 +103,11 @@ fn segments_and_foot_outlines_are_those_of_the_suit() {
                 && (tip.x - person.foot_outline_m.forward).abs() < 1e-6
         );
     }
-    let input = Input::open(&out).unwrap();
+}
+
+/// As recorded and recomputed.
+fn assert_replayed_body(recording: &Path) {
+    let input = Input::open(recording).unwrap();
     let chosen = input.configuration(None).unwrap();
     for as_recorded in [true, false] {
         let replay = Replay { input: &input, config: &chosen.config, as_recorded, residual_s: None };
@@ -113,9 +128,4 @@ fn segments_and_foot_outlines_are_those_of_the_suit() {
             assert!(fidelity.states_compared > 500, "{summary}");
         }
     }
-    let lines = station.file("live.jsonl");
-    let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();
-    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", describe_output(&output));
-    let lines = std::fs::read_to_string(lines).unwrap();
-    assert!(lines.lines().last().unwrap().contains(r#""suit_com":["#), "the suit's own centre is published");
 }

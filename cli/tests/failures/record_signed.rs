@@ -86,47 +86,85 @@ fn start(station: &Station) -> Child {
     command.arg("--config").arg(station.file("record.toml")).stderr(Stdio::null()).spawn().unwrap()
 }
 
+/// Recordings of a service that was killed once.
+struct Signed {
+    folder: PathBuf,
+    public_key: PathBuf,
+    /// The file that was open when the service was killed.
+    killed: PathBuf,
+    /// All files without a signature.
+    unsigned: Vec<PathBuf>,
+}
+
+impl Signed {
+    /// Three signed files before the end of the first service, two after it.
+    fn record(station: &Station) -> Signed {
+        let folder = station.file("kept");
+        let mut service = start(station);
+        until("three signed files", || {
+            files(&folder, ".minisig").len() >= 3 && files(&folder, ".mcap").len() >= 4
+        });
+        std::thread::sleep(Duration::from_secs(1));
+        // The name appears before the header.
+        until("the header of the newest file", || {
+            files(&folder, ".mcap")
+                .last()
+                .is_some_and(|path| fs::metadata(path).is_ok_and(|file| file.len() > 0))
+        });
+        service.kill().unwrap();
+        service.wait().unwrap();
+        let killed = files(&folder, ".mcap").pop().unwrap();
+        // The file before it may have been closed and not yet signed.
+        let mut unsigned = files(&folder, ".mcap");
+        unsigned.retain(|path| !signature_of(path).exists());
+        let mut service = start(station);
+        until("two files after it", || {
+            files(&folder, ".minisig").last().is_some_and(|signed| *signed > signature_of(&killed))
+        });
+        kill_process(Pid::from_child(&service), Signal::TERM).unwrap();
+        assert_eq!(service.wait().unwrap().code(), Some(0));
+        Signed { folder, public_key: station.file("recording.key.pub"), killed, unsigned }
+    }
+
+    fn copy(&self) -> Copy {
+        Copy::of(&self.folder, &self.public_key)
+    }
+}
+
 #[test]
 fn alterations_of_signed_recordings_are_reported() {
     let (_simulation, config) = person();
     let station = Station::start(&(config.clone() + "save_profile = false\n"));
-    let (key, recordings) = (station.file("recording.key"), station.file("kept"));
-    new_key(&key);
+    new_key(&station.file("recording.key"));
     let recording = "[recording]\ndirectory = \"kept\"\nfile_max_mib = 1\nfree_min_mib = 1\npictures_hz = 100\nsign_key = \
                      \"recording.key\"\n";
     fs::write(station.file("record.toml"), config + recording).unwrap();
+    let signed = Signed::record(&station);
+    assert_unaltered_are_valid(&signed);
+    assert_key_is_required(&signed, &station);
+    assert_altered_byte_is_reported(&signed);
+    assert_swapped_names_are_reported(&signed);
+    assert_gap_is_reported(&signed);
+    assert_damaged_signature_is_reported(&signed);
 
-    let mut service = start(&station);
-    until("three signed files", || {
-        files(&recordings, ".minisig").len() >= 3 && files(&recordings, ".mcap").len() >= 4
-    });
-    std::thread::sleep(Duration::from_secs(1));
-    // The name appears before the header.
-    until("the header of the newest file", || {
-        files(&recordings, ".mcap")
-            .last()
-            .is_some_and(|path| fs::metadata(path).is_ok_and(|file| file.len() > 0))
-    });
-    service.kill().unwrap();
-    service.wait().unwrap();
-    let killed = files(&recordings, ".mcap").pop().unwrap();
-    // The file before it may have been closed and not yet signed.
-    let mut unsigned = files(&recordings, ".mcap");
-    unsigned.retain(|path| !signature_of(path).exists());
-    let mut service = start(&station);
-    until("two files after it", || {
-        files(&recordings, ".minisig").last().is_some_and(|signed| *signed > signature_of(&killed))
-    });
-    kill_process(Pid::from_child(&service), Signal::TERM).unwrap();
-    assert_eq!(service.wait().unwrap().code(), Some(0));
+    let mut delete = station.command("subject");
+    delete.args(["delete", "anon-1", "--with-recordings", "--recordings"]).arg(&signed.folder);
+    let deleted = delete.output().unwrap();
+    assert!(
+        deleted.status.success() && !describe_output(&deleted).contains("minisig"),
+        "{}",
+        describe_output(&deleted)
+    );
+    assert_eq!(files(&signed.folder, ""), [] as [PathBuf; 0]);
+}
 
-    let public_key = station.file("recording.key.pub");
-    let copy = Copy::of(&recordings, &public_key);
+fn assert_unaltered_are_valid(signed: &Signed) {
+    let copy = signed.copy();
     let all = files(copy.folder.path(), ".mcap");
     let last = all.len() - 1;
     for (index, path) in all.iter().enumerate() {
         let (line, code) = copy.line(path);
-        if unsigned.iter().any(|unsigned| unsigned.file_name() == path.file_name()) {
+        if signed.unsigned.iter().any(|unsigned| unsigned.file_name() == path.file_name()) {
             assert!(
                 line.starts_with("not valid: unsigned") && matches!(code, Some(1 | 3)),
                 "{line} {code:?}"
@@ -138,22 +176,30 @@ fn alterations_of_signed_recordings_are_reported() {
         assert_eq!(line.contains("; previous file "), index > 0, "{line}");
         assert_eq!(line.contains("next file"), index < last, "{line}");
     }
-    let (unchecked, code) = line(&all[1], &[]);
+}
+
+fn assert_key_is_required(signed: &Signed, station: &Station) {
+    let copy = signed.copy();
+    let recording = copy.recording(1);
+    let (unchecked, code) = line(&recording, &[]);
     assert!(unchecked.contains("not checked: name its public key") && code == Some(0), "{unchecked}");
     // The name of a configuration's key leads to its public key.
     let config = station.file("record.toml");
-    let (configured, _) = line(&all[1], &["--config", config.to_str().unwrap()]);
+    let (configured, _) = line(&recording, &["--config", config.to_str().unwrap()]);
     assert!(configured.starts_with("valid: "), "{configured}");
 
-    let other = station.file("other.key");
-    new_key(&other);
-    let (foreign, code) = line(&all[1], &["--public-key", station.file("other.key.pub").to_str().unwrap()]);
+    new_key(&station.file("other.key"));
+    let other = station.file("other.key.pub");
+    let (foreign, code) = line(&recording, &["--public-key", other.to_str().unwrap()]);
     assert!(foreign.starts_with("not valid: signed by key ") && code == Some(3), "{foreign}");
+}
 
-    // One byte, in a message's payload; also of the unsigned file.
-    let unsigned = all.iter().position(|path| path.file_name() == killed.file_name()).unwrap();
+/// One byte, in a message's payload; also of the unsigned file.
+fn assert_altered_byte_is_reported(signed: &Signed) {
+    let all = files(&signed.folder, ".mcap");
+    let unsigned = all.iter().position(|path| *path == signed.killed).unwrap();
     for index in [1, unsigned] {
-        let copy = Copy::of(&recordings, &public_key);
+        let copy = signed.copy();
         let path = copy.recording(index);
         let mut bytes = fs::read(&path).unwrap();
         let middle = bytes.len() / 2;
@@ -164,8 +210,10 @@ fn alterations_of_signed_recordings_are_reported() {
         let (line, code) = copy.line(&copy.recording(index + 1));
         assert!(line.contains("is not the file whose hash this one contains") && code == Some(3), "{line}");
     }
+}
 
-    let swapped = Copy::of(&recordings, &public_key);
+fn assert_swapped_names_are_reported(signed: &Signed) {
+    let swapped = signed.copy();
     let (first, second) = (swapped.recording(1), swapped.recording(2));
     swap(&first, &second);
     swap(&signature_of(&first), &signature_of(&second));
@@ -173,8 +221,10 @@ fn alterations_of_signed_recordings_are_reported() {
         let (line, code) = swapped.line(path);
         assert!(line.starts_with("altered: it was signed under the name ") && code == Some(3), "{line}");
     }
+}
 
-    let gap = Copy::of(&recordings, &public_key);
+fn assert_gap_is_reported(signed: &Signed) {
+    let gap = signed.copy();
     fs::remove_file(gap.recording(1)).unwrap();
     let (line, code) = gap.line(&gap.recording(1));
     assert!(
@@ -186,23 +236,15 @@ fn alterations_of_signed_recordings_are_reported() {
     fs::remove_file(gap.recording(0)).unwrap();
     let (line, code) = gap.line(&gap.recording(0));
     assert!(line.contains("not checked: it is not in the folder") && code == Some(0), "{line}");
+}
 
-    let damaged = Copy::of(&recordings, &public_key);
+fn assert_damaged_signature_is_reported(signed: &Signed) {
+    let damaged = signed.copy();
     let path = damaged.recording(1);
     let text = fs::read_to_string(signature_of(&path)).unwrap();
     let short: Vec<&str> = text.lines().take(3).chain(["QUJD"]).collect();
     fs::write(signature_of(&path), short.join("\n")).unwrap();
     assert!(damaged.line(&path).0.starts_with("altered: "), "a short signature");
-
-    let mut delete = station.command("subject");
-    delete.args(["delete", "anon-1", "--with-recordings", "--recordings"]).arg(&recordings);
-    let deleted = delete.output().unwrap();
-    assert!(
-        deleted.status.success() && !describe_output(&deleted).contains("minisig"),
-        "{}",
-        describe_output(&deleted)
-    );
-    assert_eq!(files(&recordings, ""), [] as [PathBuf; 0]);
 }
 
 #[test]

@@ -27,6 +27,15 @@ fn index(folder: &Path) -> serde_json::Value {
     serde_json::from_slice(&text).expect("JSON")
 }
 
+/// Further files of the subject, some incomplete: name in the state directory, and content.
+const ADDED: [(&str, &str); 5] = [
+    ("subjects/anon-7.toml.new", "cut off"),
+    ("subjects/anon-7.lifts.csv", "1,2,3"),
+    ("stations/bench.toml.new", "cut off too"),
+    ("flight/bench-cycle-7.mcap", "a flight record"),
+    ("flight/bench-cycle-9.mcap.new", "half of one"),
+];
+
 #[test]
 fn everything_that_deletion_removes_is_in_the_export() {
     let station = Station::new();
@@ -57,26 +66,25 @@ fn everything_that_deletion_removes_is_in_the_export() {
         contents(&[&state.join("stations")]).values().any(names_subject).then_some(())
     });
     daemon.kill();
-    let added = [
-        ("subjects/anon-7.toml.new", "cut off"),
-        ("subjects/anon-7.lifts.csv", "1,2,3"),
-        ("stations/bench.toml.new", "cut off too"),
-        ("flight/bench-cycle-7.mcap", "a flight record"),
-        ("flight/bench-cycle-9.mcap.new", "half of one"),
-    ];
-    for (name, text) in added {
+    for (name, text) in ADDED {
         std::fs::create_dir_all(state.join(name).parent().expect("a folder")).expect("a folder");
         std::fs::write(state.join(name), text).expect("a file");
     }
 
+    assert_deleted_files_are_exported(&station, &recordings, &recording);
+}
+
+/// Exports the subject, deletes it, and compares the files.
+fn assert_deleted_files_are_exported(station: &Station, recordings: &Path, recording: &str) {
+    let state = station.state_directory();
     let (out, folder) = (station.file("exported"), recordings.to_string_lossy().into_owned());
     let to = out.to_string_lossy().into_owned();
     let export = ["subject", "export", "anon-7", "--recordings", &folder, "--with-recordings", "--out", &to];
     let message = station.run(&export);
     assert!(message.assert_done().contains("name no subject and may be of another"), "{}", message.stdout);
-    let before = contents(&[&state, &recordings]);
+    let before = contents(&[&state, recordings]);
     station.run(&["subject", "delete", "anon-7", "--recordings", &folder, "--with-recordings"]).assert_done();
-    let after = contents(&[&state, &recordings]);
+    let after = contents(&[&state, recordings]);
     let exported: Vec<Vec<u8>> = contents(&[&out]).into_values().collect();
     let removed: Vec<&PathBuf> = before
         .iter()
@@ -89,7 +97,7 @@ fn everything_that_deletion_removes_is_in_the_export() {
         assert!(exported.contains(&before[*path]), "{} is deleted but not exported", path.display());
     }
     let names =
-        added.map(|(name, _)| name).into_iter().chain(["subjects/anon-7.toml", "stations/bench.toml"]);
+        ADDED.map(|(name, _)| name).into_iter().chain(["subjects/anon-7.toml", "stations/bench.toml"]);
     let signature = PathBuf::from(format!("{recording}.minisig"));
     for path in names.map(|name| state.join(name)).chain([PathBuf::from(recording), signature]) {
         assert!(removed.contains(&&path), "{} is not deleted: {removed:?}", path.display());

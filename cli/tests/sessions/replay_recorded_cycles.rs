@@ -33,6 +33,7 @@ const START_NS: u64 = 5_000_000_000;
 pub(crate) const CYCLES: u64 = 1500;
 
 /// All published messages of a run.
+#[derive(Default)]
 pub(crate) struct Live {
     pub(crate) cycles: Vec<CycleRecord>,
     pub(crate) states: Vec<State>,
@@ -79,11 +80,6 @@ fn live_of(
     memory.start(&settings);
     memory.resume_tare(tare);
     let mut live = Live {
-        cycles: Vec::new(),
-        states: Vec::new(),
-        checkpoints: Vec::new(),
-        suit: Vec::new(),
-        ground: Vec::new(),
         format: MEMORY_VERSION,
         header: RecordingHeader {
             config_toml: configs[0].to_owned(),
@@ -92,44 +88,24 @@ fn live_of(
             similar_toml: similar::to_toml(similar.as_ref()),
             ..RecordingHeader::default()
         },
-        reloads: Vec::new(),
-        subjects: Vec::new(),
+        ..Live::default()
     };
-    let t_pose_m = Skeleton::nominal(1.77).t_pose_m();
     for cycle in 1..=CYCLES {
         let due_ns = START_NS + cycle * 1_000_000;
         let sway_m = 0.002 * (cycle as f64 * 1e-3).sin();
         let mut record = CycleRecord { cycle, due_ns, period_ns: 1_000_000, ..CycleRecord::zeroed() };
         let mut suit = Vec::new();
         if cycle % 17 == 0 {
-            let sample_time_ns = due_ns - 700_000;
-            suit.push(SuitSample {
-                sample_time_ns,
-                published_ns: sample_time_ns + 200_000,
-                arrival_ns: sample_time_ns + 100_000,
-                sequence: cycle / 17,
-                position_m: t_pose_m.map(|[x, y, z]| [x + sway_m, y, z + 0.96]),
-                orientation_wxyz: [[1.0, 0.0, 0.0, 0.0]; SEGMENTS],
-                ..SuitSample::zeroed()
-            });
+            suit.push(suit_sample(cycle / 17, due_ns - 700_000, sway_m));
             record.suit_taken = 1;
             record.suit_first = cycle / 17;
             record.suit_last = cycle / 17;
-            record.suit_sample_time_ns = sample_time_ns;
+            record.suit_sample_time_ns = suit[0].sample_time_ns;
         }
         // Every other cycle ingests two.
-        let mut ground = Vec::new();
+        let mut ground: Vec<GroundSample> = Vec::new();
         if cycle % 2 == 0 {
-            for sequence in [cycle - 1, cycle] {
-                ground.push(GroundSample {
-                    sample_time_ns: START_NS + sequence * 1_000_000 - 300_000,
-                    published_ns: START_NS + sequence * 1_000_000 - 100_000,
-                    sequence,
-                    force_n: [0.0, 0.0, 706.0],
-                    moment_nm: [0.0, -706.0 * (0.05 + sway_m), 0.0],
-                    ..GroundSample::zeroed()
-                });
-            }
+            ground.extend([cycle - 1, cycle].map(|sequence| ground_sample(sequence, sway_m)));
             record.ground_taken = 2;
             record.ground_first = cycle - 1;
             record.ground_last = cycle;
@@ -159,6 +135,29 @@ fn live_of(
         }
     }
     live
+}
+
+fn suit_sample(sequence: u64, sample_time_ns: u64, sway_m: f64) -> SuitSample {
+    SuitSample {
+        sample_time_ns,
+        published_ns: sample_time_ns + 200_000,
+        arrival_ns: sample_time_ns + 100_000,
+        sequence,
+        position_m: Skeleton::nominal(1.77).t_pose_m().map(|[x, y, z]| [x + sway_m, y, z + 0.96]),
+        orientation_wxyz: [[1.0, 0.0, 0.0, 0.0]; SEGMENTS],
+        ..SuitSample::zeroed()
+    }
+}
+
+fn ground_sample(sequence: u64, sway_m: f64) -> GroundSample {
+    GroundSample {
+        sample_time_ns: START_NS + sequence * 1_000_000 - 300_000,
+        published_ns: START_NS + sequence * 1_000_000 - 100_000,
+        sequence,
+        force_n: [0.0, 0.0, 706.0],
+        moment_nm: [0.0, -706.0 * (0.05 + sway_m), 0.0],
+        ..GroundSample::zeroed()
+    }
 }
 
 impl Live {

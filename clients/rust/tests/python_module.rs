@@ -169,12 +169,25 @@ fn variants<E: Debug>(from_number: fn(u32) -> Option<E>) -> Vec<(String, u64)> {
 }
 
 fn enumerations(out: &mut String) {
+    reasons(out);
+    measurements(out);
+    body_sources(out);
+    handover(out);
+    let joints = Joint::ALL.into_iter().map(|joint| (constant_case(joint.name()), joint.index() as u64));
+    enumeration(out, "Joint(enum.IntEnum)", "Indices of a state's arrays per joint.", joints);
+}
+
+/// Invalid reasons, and which of them invalidate a value.
+fn reasons(out: &mut String) {
     let reasons = Validity::NAMES.iter().map(|(reason, name)| (constant_case(name), reason.0));
     enumeration(out, "Reason(Flags)", "Invalid reasons: bits of `State.valid`.", reasons);
     for (set, name) in flag_sets::all() {
         writeln!(out, "INVALIDATES_{} = Reason({})", constant_case(name), set.0).unwrap();
     }
     out.push_str("\n\n");
+}
+
+fn measurements(out: &mut String) {
     let phases = numbered(|number| Phase::from_number(number).map(Phase::name));
     enumeration(out, "Phase(enum.IntEnum)", "Phase of the pipeline: `State.phase`.", phases);
     let levels = numbered(|number| Level::from_number(number).map(Level::name));
@@ -200,6 +213,9 @@ fn enumerations(out: &mut String) {
         "Devices in the ground sample: bits of `State.ground_devices`.",
         devices,
     );
+}
+
+fn body_sources(out: &mut String) {
     for (name, doc, members) in [
         (
             "BodySource(enum.IntEnum)",
@@ -221,6 +237,13 @@ fn enumerations(out: &mut String) {
             "Source of the body's accelerations: `State.acceleration_source`.",
             numbered(|number| AccelerationSource::from_number(number).map(AccelerationSource::name)),
         ),
+    ] {
+        enumeration(out, name, doc, members);
+    }
+}
+
+fn handover(out: &mut String) {
+    for (name, doc, members) in [
         (
             "CurrentFrame(enum.IntEnum)",
             "Frame of the current place of a part: the station's world, or relative to the feet as a plan's `place_m`.",
@@ -239,8 +262,6 @@ fn enumerations(out: &mut String) {
     ] {
         enumeration(out, name, doc, members);
     }
-    let joints = Joint::ALL.into_iter().map(|joint| (constant_case(joint.name()), joint.index() as u64));
-    enumeration(out, "Joint(enum.IntEnum)", "Indices of a state's arrays per joint.", joints);
 }
 
 fn module() -> String {

@@ -89,75 +89,74 @@ fn what_grows_with_time_is_applied_to_its_recording_only() {
     assert!(applied(Effect::PlateDrift, 90.0, Spans::OpenEndedForEver), "it has an end");
 }
 
+/// Changes of [`TEXT`] that make it invalid, and a part of the message.
+const INVALID: &[(&str, &str, &str)] = &[
+    ("version = 1", "version = 2", "m.toml, version: version 2 is not one that this release reads"),
+    (
+        "\"worn_mass\"",
+        "\"wornmass\"",
+        "m.toml, effect 1, name: `wornmass` is not an effect; did you mean `worn_mass`?",
+    ),
+    ("\"T8\"", "\"T9\"", "m.toml, effect 1, where.segment: `T9` is not a segment; did you mean `T8`?"),
+    ("segment = \"T8\"", "hand = \"rihgt\"", "where.hand: `rihgt` is not a hand; did you mean `right`?"),
+    (
+        "segment = \"T8\"",
+        "hand = \"right\"",
+        "effect 1, where: worn_mass does not act there; it takes where = { segment",
+    ),
+    ("segment =", "sgement =", "m.toml, line 13, effect 1: `sgement` is not known; did you mean `segment`?"),
+    (
+        "where = { segment = \"T8\" }",
+        "where = { segment = \"T8\", hand = \"left\" }",
+        "a hand or a segment, not both",
+    ),
+    (
+        "name = \"plate_drift\"",
+        "name = \"plate_drift\"\nwhere = { hand = \"left\" }",
+        "effect 2, where: plate_drift does not",
+    ),
+    ("[120.0, 640.0]", "[640.0, 120.0]", "m.toml, effect 1, span_s: [640, 120] is not a span"),
+    ("[120.0, 640.0]", "[nan, 120.0]", "effect 1, span_s: [NaN, 120] is not a span"),
+    ("83.0", "inf", "m.toml, effect 1, log_odds: must be a finite number"),
+    (
+        "parameters.mass_kg]",
+        "parameters.mas_kg]",
+        "parameters.mas_kg: worn_mass has no parameter `mas_kg`; did you mean `mass_kg`?",
+    ),
+    (
+        "value = 2.1",
+        "value = 2100.0",
+        "m.toml, effect 1, parameters.mass_kg.value: 2100 is not between -150 and 150",
+    ),
+    ("value = 2.1", "value = nan", "parameters.mass_kg.value: NaN is not between"),
+    (
+        "sigma = 0.05",
+        "sigma = -0.05",
+        "m.toml, effect 1, parameters.mass_kg.sigma: -0.05 must be a finite number",
+    ),
+    ("unit = \"kg\"", "unit = \"g\"", "m.toml, effect 1, parameters.mass_kg.unit: `g` must be `kg`"),
+    (
+        "value = 40.0",
+        "value = -1.0",
+        "m.toml, effect 2, parameters.tau_s.value: -1 is not between 0.1 and 100000",
+    ),
+    ("tau_s", "hz", "effect 2, parameters.ax_m: plate_drift has no parameter `ax_m`; did you mean"),
+    ("DDEEFF\"", "DDEEF\"", "m.toml, provenance, recording_sha256: must be 64"),
+    ("[0, 90]", "[90, 0]", "m.toml, provenance, identify_s: [90, 0] is not a span"),
+    (
+        "open_ended = true",
+        "open_endet = true",
+        "effect 1: `open_endet` is not known; did you mean `open_ended`?",
+    ),
+];
+
 #[test]
 fn an_error_names_file_effect_key_and_the_nearest_name() {
     let with = |from: &str, to: &str| {
         assert!(TEXT.contains(from));
         refusal(&TEXT.replacen(from, to, 1))
     };
-    for (from, to, said) in [
-        ("version = 1", "version = 2", "m.toml, version: version 2 is not one that this release reads"),
-        (
-            "\"worn_mass\"",
-            "\"wornmass\"",
-            "m.toml, effect 1, name: `wornmass` is not an effect; did you mean `worn_mass`?",
-        ),
-        ("\"T8\"", "\"T9\"", "m.toml, effect 1, where.segment: `T9` is not a segment; did you mean `T8`?"),
-        ("segment = \"T8\"", "hand = \"rihgt\"", "where.hand: `rihgt` is not a hand; did you mean `right`?"),
-        (
-            "segment = \"T8\"",
-            "hand = \"right\"",
-            "effect 1, where: worn_mass does not act there; it takes where = { segment",
-        ),
-        (
-            "segment =",
-            "sgement =",
-            "m.toml, line 13, effect 1: `sgement` is not known; did you mean `segment`?",
-        ),
-        (
-            "where = { segment = \"T8\" }",
-            "where = { segment = \"T8\", hand = \"left\" }",
-            "a hand or a segment, not both",
-        ),
-        (
-            "name = \"plate_drift\"",
-            "name = \"plate_drift\"\nwhere = { hand = \"left\" }",
-            "effect 2, where: plate_drift does not",
-        ),
-        ("[120.0, 640.0]", "[640.0, 120.0]", "m.toml, effect 1, span_s: [640, 120] is not a span"),
-        ("[120.0, 640.0]", "[nan, 120.0]", "effect 1, span_s: [NaN, 120] is not a span"),
-        ("83.0", "inf", "m.toml, effect 1, log_odds: must be a finite number"),
-        (
-            "parameters.mass_kg]",
-            "parameters.mas_kg]",
-            "parameters.mas_kg: worn_mass has no parameter `mas_kg`; did you mean `mass_kg`?",
-        ),
-        (
-            "value = 2.1",
-            "value = 2100.0",
-            "m.toml, effect 1, parameters.mass_kg.value: 2100 is not between -150 and 150",
-        ),
-        ("value = 2.1", "value = nan", "parameters.mass_kg.value: NaN is not between"),
-        (
-            "sigma = 0.05",
-            "sigma = -0.05",
-            "m.toml, effect 1, parameters.mass_kg.sigma: -0.05 must be a finite number",
-        ),
-        ("unit = \"kg\"", "unit = \"g\"", "m.toml, effect 1, parameters.mass_kg.unit: `g` must be `kg`"),
-        (
-            "value = 40.0",
-            "value = -1.0",
-            "m.toml, effect 2, parameters.tau_s.value: -1 is not between 0.1 and 100000",
-        ),
-        ("tau_s", "hz", "effect 2, parameters.ax_m: plate_drift has no parameter `ax_m`; did you mean"),
-        ("DDEEFF\"", "DDEEF\"", "m.toml, provenance, recording_sha256: must be 64"),
-        ("[0, 90]", "[90, 0]", "m.toml, provenance, identify_s: [90, 0] is not a span"),
-        (
-            "open_ended = true",
-            "open_endet = true",
-            "effect 1: `open_endet` is not known; did you mean `open_ended`?",
-        ),
-    ] {
+    for (from, to, said) in INVALID {
         let found = with(from, to);
         assert!(found.contains(said), "{found}\nwanted: {said}");
     }

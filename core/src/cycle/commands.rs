@@ -46,27 +46,7 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
         }
         // Handled by the daemon: the loop's memory does not change, or is replaced as a whole.
         CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectDelete => {}
-        CommandKind::Reload => {
-            // Filters and the static pose window contain results of the previous model.
-            memory.clear_windows();
-            memory.load.reset_position();
-            replace_model(settings, memory, tick);
-            memory.prediction.terms.restart();
-            if memory.differentiation != settings.differentiation() {
-                memory.differentiation = settings.differentiation();
-                memory.prediction.noise = Zeroable::zeroed();
-                memory.early.reset_differences();
-            }
-            // Before the first measurement the prior is that of the settings.
-            let subject = &memory.identification;
-            let is_measured =
-                subject.poses_used > 0 || memory.motion_updates.used > 0 || subject.identified == 1;
-            if subject.has_body() && !is_measured && subject.body_source() != BodySource::Stored {
-                memory.reset_to_prior(settings);
-            }
-            memory.pose_request.restart(settings);
-            memory.model_changed_ns = tick.due_ns;
-        }
+        CommandKind::Reload => reload(settings, memory, tick),
         CommandKind::SubjectLoad => {
             // The window contains poses of the previous subject.
             memory.clear_windows();
@@ -78,6 +58,28 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             memory.model_changed_ns = tick.due_ns;
         }
     }
+}
+
+/// Resets the results of the previous settings and model.
+fn reload(settings: &Settings, memory: &mut Memory, tick: Tick) {
+    // Filters and the static pose window contain results of the previous model.
+    memory.clear_windows();
+    memory.load.reset_position();
+    replace_model(settings, memory, tick);
+    memory.prediction.terms.restart();
+    if memory.differentiation != settings.differentiation() {
+        memory.differentiation = settings.differentiation();
+        memory.prediction.noise = Zeroable::zeroed();
+        memory.early.reset_differences();
+    }
+    // Before the first measurement the prior is that of the settings.
+    let subject = &memory.identification;
+    let is_measured = subject.poses_used > 0 || memory.motion_updates.used > 0 || subject.identified == 1;
+    if subject.has_body() && !is_measured && subject.body_source() != BodySource::Stored {
+        memory.reset_to_prior(settings);
+    }
+    memory.pose_request.restart(settings);
+    memory.model_changed_ns = tick.due_ns;
 }
 
 /// Revises what was measured with the previous model, unless it has the same terms.

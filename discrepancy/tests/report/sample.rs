@@ -105,66 +105,20 @@ fn autocorrelation(values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
+impl WorkBlock {
+    fn before(&self, axis: usize) -> f64 {
+        self.effect[axis] + self.noise[axis]
+    }
+
+    /// After a change that removes `fraction` of the effect.
+    fn after(&self, axis: usize, fraction: f64) -> f64 {
+        (1.0 - fraction) * self.effect[axis] + self.noise[axis]
+    }
+}
+
 /// A load in the right hand from a third of the work on; the change removes `fraction` of it.
 fn picture(work_s: f64, fraction: f64) -> Picture {
     let blocks = blocks(work_s);
-    let before = |block: &WorkBlock, axis: usize| block.effect[axis] + block.noise[axis];
-    let after = |block: &WorkBlock, axis: usize| (1.0 - fraction) * block.effect[axis] + block.noise[axis];
-    let each = |axis: usize| Signal::ALL[axis];
-    let time = (0..3).map(|axis| {
-        let point = |block: &WorkBlock| TimePoint {
-            time_s: block.time_s,
-            still: block.still,
-            before: before(block, axis),
-            after: after(block, axis),
-            noise_sigma: SIGMA[axis] * if block.still { 0.9 } else { 1.3 },
-        };
-        TimePlot { signal: each(axis), points: blocks.iter().map(point).collect() }
-    });
-    let pose = [(0, "right arm elevation"), (0, "trunk inclination"), (1, "right arm elevation")];
-    let pose = pose.into_iter().map(|(axis, feature)| {
-        let value = |block: &WorkBlock| {
-            if feature.starts_with("trunk") { block.inclination_deg } else { block.elevation_deg }
-        };
-        let point = |block: &WorkBlock| PosePoint {
-            feature: value(block),
-            before: before(block, axis),
-            after: after(block, axis),
-        };
-        let points = blocks.iter().map(point).collect();
-        PosePlot {
-            signal: each(axis),
-            feature: feature.to_owned(),
-            unit: "°",
-            points,
-            noise_sigma: SIGMA[axis],
-        }
-    });
-    let point = |block: &WorkBlock| PredictorPoint { predicted: block.effect[0], residual: before(block, 0) };
-    let carried = blocks.iter().filter(|block| block.effect[0] != 0.0);
-    let predictors = if fraction > 0.0 {
-        vec![PredictorPlot {
-            effect: "hand_load right".to_owned(),
-            signal: Signal::CopX,
-            points: carried.map(point).collect(),
-            noise_sigma: SIGMA[0],
-        }]
-    } else {
-        Vec::new()
-    };
-    let whiteness = (0..3).map(|axis| {
-        let white = |colour: f64| -> Vec<f64> {
-            let mut random = PseudoRandom(axis as u64 + 3);
-            let value = |block: &WorkBlock| random.next() + colour * block.effect[axis] / SIGMA[axis];
-            blocks.iter().map(value).collect()
-        };
-        Whiteness {
-            signal: each(axis),
-            before: autocorrelation(&white(1.0)),
-            after: autocorrelation(&white(1.0 - fraction)),
-            bound: 1.96 / (blocks.len() as f64).sqrt(),
-        }
-    });
     Picture {
         spans_s: Spans {
             identify: [12.0, 96.5],
@@ -175,10 +129,12 @@ fn picture(work_s: f64, fraction: f64) -> Picture {
         length_s: 268.0 + work_s,
         block_s: BLOCK_S,
         threshold_log_odds: 7.0,
-        time: time.collect(),
-        pose: pose.collect(),
-        predictors,
-        whiteness: whiteness.collect(),
+        time: (0..3).map(|axis| time_plot(&blocks, fraction, axis)).collect(),
+        pose: [(0, "right arm elevation"), (0, "trunk inclination"), (1, "right arm elevation")]
+            .map(|(axis, feature)| pose_plot(&blocks, fraction, axis, feature))
+            .into(),
+        predictors: if fraction > 0.0 { vec![predictor_plot(&blocks)] } else { Vec::new() },
+        whiteness: (0..3).map(|axis| whiteness(&blocks, fraction, axis)).collect(),
         surprise: surprise(&blocks, fraction),
         windows: vec![
             Window {
@@ -196,35 +152,78 @@ fn picture(work_s: f64, fraction: f64) -> Picture {
                 times_noise_after: 1.22,
             },
         ],
-        phases: (0..3)
-            .flat_map(|axis| {
-                let floor = SIGMA[axis];
-                let phase = move |phase, before: f64, after: f64| PhaseGap {
-                    phase,
-                    signal: each(axis),
-                    before,
-                    after,
-                    noise_floor: floor,
-                };
-                [
-                    phase(Phase::Identify, floor * 0.93, floor * 0.93),
-                    phase(Phase::Reference, floor * 1.04, floor * 1.04),
-                    phase(
-                        Phase::Work,
-                        rms(blocks.iter().map(|block| before(block, axis))),
-                        rms(blocks.iter().map(|block| after(block, axis))),
-                    ),
-                ]
-            })
-            .collect(),
+        phases: (0..3).flat_map(|axis| phase_gaps(&blocks, fraction, axis)).collect(),
         unseen: Vec::new(),
     }
 }
 
+fn time_plot(blocks: &[WorkBlock], fraction: f64, axis: usize) -> TimePlot {
+    let point = |block: &WorkBlock| TimePoint {
+        time_s: block.time_s,
+        still: block.still,
+        before: block.before(axis),
+        after: block.after(axis, fraction),
+        noise_sigma: SIGMA[axis] * if block.still { 0.9 } else { 1.3 },
+    };
+    TimePlot { signal: Signal::ALL[axis], points: blocks.iter().map(point).collect() }
+}
+
+fn pose_plot(blocks: &[WorkBlock], fraction: f64, axis: usize, feature: &str) -> PosePlot {
+    let value = |block: &WorkBlock| if feature.starts_with("trunk") { block.inclination_deg } else { block.elevation_deg };
+    let point =
+        |block: &WorkBlock| PosePoint { feature: value(m), before: block.before(axis), after: block.after(axis, fraction) };
+    PosePlot {
+        signal: Signal::ALL[axis],
+        feature: feature.to_owned(),
+        unit: "°",
+        points: blocks.iter().map(point).collect(),
+        noise_sigma: SIGMA[axis],
+    }
+}
+
+/// The load against what remains of the CoP forwards.
+fn predictor_plot(blocks: &[WorkBlock]) -> PredictorPlot {
+    let point = |block: &WorkBlock| PredictorPoint { predicted: block.effect[0], residual: block.before(0) };
+    let carried = blocks.iter().filter(|block| block.effect[0] != 0.0);
+    PredictorPlot {
+        effect: "hand_load right".to_owned(),
+        signal: Signal::CopX,
+        points: carried.map(point).collect(),
+        noise_sigma: SIGMA[0],
+    }
+}
+
+fn whiteness(blocks: &[WorkBlock], fraction: f64, axis: usize) -> Whiteness {
+    let white = |colour: f64| -> Vec<f64> {
+        let mut random = PseudoRandom(axis as u64 + 3);
+        let value = |block: &WorkBlock| random.next() + colour * block.effect[axis] / SIGMA[axis];
+        blocks.iter().map(value).collect()
+    };
+    Whiteness {
+        signal: Signal::ALL[axis],
+        before: autocorrelation(&white(1.0)),
+        after: autocorrelation(&white(1.0 - fraction)),
+        bound: 1.96 / (blocks.len() as f64).sqrt(),
+    }
+}
+
+fn phase_gaps(blocks: &[WorkBlock], fraction: f64, axis: usize) -> [PhaseGap; 3] {
+    let (floor, signal) = (SIGMA[axis], Signal::ALL[axis]);
+    let gap = |phase, before: f64, after: f64| PhaseGap { phase, signal, before, after, noise_floor: floor };
+    [
+        gap(Phase::Identify, floor * 0.93, floor * 0.93),
+        gap(Phase::Reference, floor * 1.04, floor * 1.04),
+        gap(
+            Phase::Work,
+            rms(blocks.iter().map(|block| block.before(axis))),
+            rms(blocks.iter().map(|block| block.after(axis, fraction))),
+        ),
+    ]
+}
+
 fn surprise(blocks: &[WorkBlock], fraction: f64) -> Vec<SurpriseBin> {
     let squares = |fraction: f64| -> Vec<f64> {
-        let values =
-            blocks.iter().map(|block| ((1.0 - fraction) * block.effect[0] + block.noise[0]) / SIGMA[0]);
+        let values = blocks.iter().map(|block| ((1.0 - fraction) * block.effect[0] + block.noise[0]) / SIGMA[0]);
         values.map(|value| value * value).collect()
     };
     let (before, after) = (squares(0.0), squares(fraction));
@@ -285,54 +284,13 @@ fn set_aside(name: &str, log_odds: f64, why: &str) -> SetAside {
 /// A load in the right hand is named.
 pub(crate) fn named(work_s: f64) -> Sample {
     let picture = picture(work_s, 0.985);
-    let parameter = |value, sigma, unit| Estimate { value, sigma, unit };
     let from_s = 262.0 + 0.3 * work_s;
-    let effect = Named {
-        name: "hand_load".to_owned(),
-        place: BTreeMap::from([
-            ("hand".to_owned(), "right".into()),
-            ("from_s".to_owned(), from_s.into()),
-            ("to_s".to_owned(), (262.0 + work_s).into()),
-        ]),
-        parameters: BTreeMap::from([
-            ("mass_kg".to_owned(), parameter(1.5134, 0.0312, "kg")),
-            ("mx_kg_m".to_owned(), parameter(0.0041, 0.0093, "kg m")),
-        ]),
-        log_odds: 204.3,
-        probability: 0.981,
-        runner_up: None,
-        family: Vec::new(),
-    };
     let finding = Finding {
         verdict: Verdict::Named,
         decided: true,
-        effects: vec![effect],
-        candidates: vec![
-            candidate("hand_load right", 204.3),
-            candidate("worn_mass RightForearm", 181.9),
-            candidate("hand_load both", 96.4),
-            candidate("worn_mass RightUpperArm", 88.0),
-            candidate("hand_contact right", 61.7),
-            candidate("worn_mass T8", 40.2),
-            candidate("force_gain", 33.8),
-            candidate("plate_offset", 5.1),
-            candidate("segment_misalignment RightUpperArm", 2.2),
-            candidate("suit_lag", -2.9),
-        ],
-        set_aside: vec![
-            set_aside(
-                "worn_mass RightForearm",
-                181.9,
-                "the elbow was bent often enough: at the forearm the mass fits worse",
-            ),
-            set_aside("force_gain", 33.8, "the mass is outside its place"),
-            set_aside(
-                "hand_contact right",
-                61.7,
-                "moves with the hand, as a weight does and a bench does not",
-            ),
-            set_aside("plate_offset", 5.1, "below the negligible size"),
-        ],
+        effects: vec![hand_load(from_s, 262.0 + work_s)],
+        candidates: candidates(),
+        set_aside: all_set_aside(),
         unexplained: Vec::new(),
         gap: gap(&picture),
         spans: vec![Suspicion {
@@ -351,6 +309,55 @@ pub(crate) fn named(work_s: f64) -> Sample {
         [[effect]]\nname = \"hand_load\"\nwhere = { hand = \"right\" }\nspan_s = [289.0, 352.0]\nopen_ended = true\n\
         log_odds = 204.3\n\n[effect.parameters.mass_kg]\nvalue = 1.5134\nsigma = 0.0312\nunit = \"kg\"\n";
     Sample { finding, picture, origin: origin(), toml: Some(toml.to_owned()) }
+}
+
+/// The named effect.
+fn hand_load(from_s: f64, to_s: f64) -> Named {
+    let parameter = |value, sigma, unit| Estimate { value, sigma, unit };
+    Named {
+        name: "hand_load".to_owned(),
+        place: BTreeMap::from([
+            ("hand".to_owned(), "right".into()),
+            ("from_s".to_owned(), from_s.into()),
+            ("to_s".to_owned(), to_s.into()),
+        ]),
+        parameters: BTreeMap::from([
+            ("mass_kg".to_owned(), parameter(1.5134, 0.0312, "kg")),
+            ("mx_kg_m".to_owned(), parameter(0.0041, 0.0093, "kg m")),
+        ]),
+        log_odds: 204.3,
+        probability: 0.981,
+        runner_up: None,
+        family: Vec::new(),
+    }
+}
+
+fn candidates() -> Vec<Candidate> {
+    vec![
+        candidate("hand_load right", 204.3),
+        candidate("worn_mass RightForearm", 181.9),
+        candidate("hand_load both", 96.4),
+        candidate("worn_mass RightUpperArm", 88.0),
+        candidate("hand_contact right", 61.7),
+        candidate("worn_mass T8", 40.2),
+        candidate("force_gain", 33.8),
+        candidate("plate_offset", 5.1),
+        candidate("segment_misalignment RightUpperArm", 2.2),
+        candidate("suit_lag", -2.9),
+    ]
+}
+
+fn all_set_aside() -> Vec<SetAside> {
+    vec![
+        set_aside(
+            "worn_mass RightForearm",
+            181.9,
+            "the elbow was bent often enough: at the forearm the mass fits worse",
+        ),
+        set_aside("force_gain", 33.8, "the mass is outside its place"),
+        set_aside("hand_contact right", 61.7, "moves with the hand, as a weight does and a bench does not"),
+        set_aside("plate_offset", 5.1, "below the negligible size"),
+    ]
 }
 
 /// No effect is missing in the model.

@@ -165,60 +165,15 @@ impl Walk {
 
     fn block(&self, time_s: f64, phase: Phase) -> Block {
         let skeleton = Skeleton::nominal(1.75);
+        let rotations = [-1.0, 0.0, 1.0].map(|step| self.rotations(time_s + step * STEP_S));
+        let origins = [0, 1, 2].map(|i| Walk::origins(&rotations[i], &skeleton));
+        let motion = Motion { rotations, origins };
         let body = Anthropometry::de_leva(&skeleton, 1.75, Sex::Male);
         let phi = Phi::of(&skeleton, &body);
-        let at = [-1.0, 0.0, 1.0].map(|step| self.rotations(time_s + step * STEP_S));
-        let origins = [0, 1, 2].map(|i| Walk::origins(&at[i], &skeleton));
-        let second =
-            |a: Vector3<f64>, b: Vector3<f64>, c: Vector3<f64>| (a - b * 2.0 + c) / (STEP_S * STEP_S);
-        let matrix = |i: usize, s: usize| at[i][s].to_rotation_matrix().into_inner();
-        let rows = |m: Matrix3<f64>| [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]));
-        let com =
-            |i: usize| (0..SEGMENTS).fold(origins[i][0], |sum, s| sum + at[i][s] * Vector3::from(phi.0[s]));
-        let acceleration = second(com(0), com(1), com(2));
-        let vertical = GRAVITY + acceleration.z;
-        let slope = [acceleration.x / vertical, acceleration.y / vertical];
-        let centre = com(1);
-        let cop = [centre.x - slope[0] * centre.z, centre.y - slope[1] * centre.z];
-        let force = [MASS_KG * acceleration.x, MASS_KG * acceleration.y, MASS_KG * vertical];
-        let observation = Observation {
-            time_s,
-            mass_kg: MASS_KG,
-            floor_m: 0.0,
-            feet_m: [0.0; 2],
-            feet_hold: true,
-            origin_m: origins[1].map(Into::into),
-            origin_acceleration_m_per_s2: std::array::from_fn(|s| {
-                second(origins[0][s], origins[1][s], origins[2][s]).into()
-            }),
-            rotation: std::array::from_fn(|s| rows(matrix(1, s))),
-            rotation_acceleration_per_s2: std::array::from_fn(|s| {
-                rows((matrix(0, s) - matrix(1, s) * 2.0 + matrix(2, s)) / (STEP_S * STEP_S))
-            }),
-            phi_m: phi.0,
-            grip_m: Side::BOTH.map(|side| [0.0, if side == Side::Left { 0.08 } else { -0.08 }, 0.0]),
-            centre_m: body.com_m,
-            // This model omits the body's rotation.
-            mass_fraction: [0.0; SEGMENTS],
-            com_m: centre.into(),
-            com_acceleration_m_per_s2: acceleration.into(),
-            turning_m: [0.0; 2],
-            slope,
-            slope_is_measured: true,
-            cop_predicted_m: cop,
-            force_predicted_n: force,
-            cop_measured_m: cop,
-            force_measured_n: force,
-        };
-        let joint_rad = [0, 1, 2].map(|i| {
-            Segment::ALL.map(|segment| -> [f64; 3] {
-                let turned = |segment: Segment| at[i][segment.index()];
-                let parent = segment.parent().map_or(UnitQuaternion::identity(), turned);
-                (parent.inverse() * turned(segment)).scaled_axis().into()
-            })
-        });
+        let com = [0, 1, 2].map(|i| motion.com(i, &phi));
+        let joint_rad = [0, 1, 2].map(|i| joint_angles(&motion.rotations[i]));
         let bent = |s: usize, joint: usize| {
-            let at = |i: usize| matrix(i, s) * joint_rad[i][s][joint];
+            let at = |i: usize| motion.matrix(i, s) * joint_rad[i][s][joint];
             rows((at(0) - at(1) * 2.0 + at(2)) / (STEP_S * STEP_S))
         };
         let none = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
@@ -227,8 +182,8 @@ impl Walk {
             phase,
             stance: 1,
             still: pause_s > 0.2 && pause_s < HELD_S - 0.2,
-            observation,
-            com_velocity_m_per_s: ((com(2) - com(0)) / (2.0 * STEP_S)).into(),
+            observation: observation(time_s, &motion, com, &phi, &body),
+            com_velocity_m_per_s: ((com[2] - com[0]) / (2.0 * STEP_S)).into(),
             turning_by_group_m: [[0.0; 2]; 4],
             joint_rad: joint_rad[1],
             joint_weighted_rotation_acceleration: std::array::from_fn(|s| {
@@ -238,5 +193,84 @@ impl Walk {
             by_lag: [none; LAGS_S.len()],
             by_cutoff: [none; CUTOFFS_HZ.len()],
         }
+    }
+}
+
+/// The body at an instant, and one step before and after it.
+struct Motion {
+    rotations: [Rotations; 3],
+    origins: [[Vector3<f64>; SEGMENTS]; 3],
+}
+
+impl Motion {
+    fn matrix(&self, i: usize, s: usize) -> Matrix3<f64> {
+        self.rotations[i][s].to_rotation_matrix().into_inner()
+    }
+
+    fn com(&self, i: usize, phi: &Phi) -> Vector3<f64> {
+        (0..SEGMENTS).fold(self.origins[i][0], |sum, s| sum + self.rotations[i][s] * Vector3::from(phi.0[s]))
+    }
+
+    fn rotation_acceleration(&self, s: usize) -> [[f64; 3]; 3] {
+        rows((self.matrix(0, s) - self.matrix(1, s) * 2.0 + self.matrix(2, s)) / (STEP_S * STEP_S))
+    }
+}
+
+fn rows(m: Matrix3<f64>) -> [[f64; 3]; 3] {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| m[(i, j)]))
+}
+
+fn acceleration([a, b, c]: [Vector3<f64>; 3]) -> Vector3<f64> {
+    (a - b * 2.0 + c) / (STEP_S * STEP_S)
+}
+
+/// Rotation vector of each segment relative to its parent.
+fn joint_angles(rotations: &Rotations) -> [[f64; 3]; SEGMENTS] {
+    Segment::ALL.map(|segment| -> [f64; 3] {
+        let turned = |segment: Segment| rotations[segment.index()];
+        let parent = segment.parent().map_or(UnitQuaternion::identity(), turned);
+        (parent.inverse() * turned(segment)).scaled_axis().into()
+    })
+}
+
+/// Measurement of the motion without noise; `com` at the three instants.
+fn observation(
+    time_s: f64,
+    motion: &Motion,
+    com: [Vector3<f64>; 3],
+    phi: &Phi,
+    body: &Anthropometry,
+) -> Observation {
+    let (centre, acceleration_of_com) = (com[1], acceleration(com));
+    let vertical = GRAVITY + acceleration_of_com.z;
+    let slope = [acceleration_of_com.x / vertical, acceleration_of_com.y / vertical];
+    let cop = [centre.x - slope[0] * centre.z, centre.y - slope[1] * centre.z];
+    let force = [MASS_KG * acceleration_of_com.x, MASS_KG * acceleration_of_com.y, MASS_KG * vertical];
+    Observation {
+        time_s,
+        mass_kg: MASS_KG,
+        floor_m: 0.0,
+        feet_m: [0.0; 2],
+        feet_hold: true,
+        origin_m: motion.origins[1].map(Into::into),
+        origin_acceleration_m_per_s2: std::array::from_fn(|s| {
+            acceleration([0, 1, 2].map(|i| motion.origins[i][s])).into()
+        }),
+        rotation: std::array::from_fn(|s| rows(motion.matrix(1, s))),
+        rotation_acceleration_per_s2: std::array::from_fn(|s| motion.rotation_acceleration(s)),
+        phi_m: phi.0,
+        grip_m: Side::BOTH.map(|side| [0.0, if side == Side::Left { 0.08 } else { -0.08 }, 0.0]),
+        centre_m: body.com_m,
+        // This model omits the body's rotation.
+        mass_fraction: [0.0; SEGMENTS],
+        com_m: centre.into(),
+        com_acceleration_m_per_s2: acceleration_of_com.into(),
+        turning_m: [0.0; 2],
+        slope,
+        slope_is_measured: true,
+        cop_predicted_m: cop,
+        force_predicted_n: force,
+        cop_measured_m: cop,
+        force_measured_n: force,
     }
 }

@@ -61,17 +61,26 @@ pub(super) fn scene_update() -> Value {
     object("foxglove.SceneUpdate", &[("deletions", deletions), ("entities", entities)])
 }
 
+fn vector() -> Value {
+    numbers("foxglove.Vector3", &["x", "y", "z"])
+}
+
+fn pose() -> Value {
+    let orientation = numbers("foxglove.Quaternion", &["x", "y", "z", "w"]);
+    object("foxglove.Pose", &[("position", vector()), ("orientation", orientation)])
+}
+
+fn color() -> Value {
+    numbers("foxglove.Color", &["r", "g", "b", "a"])
+}
+
+/// Primitives of one kind: its fields and those of all kinds.
+fn primitive(name: &str, fields: &[(&str, Value)]) -> Value {
+    let common = [("pose", pose()), ("color", color())];
+    array(object(&format!("foxglove.{name}Primitive"), &[fields, &common].concat()))
+}
+
 fn entity() -> Value {
-    let vector = || numbers("foxglove.Vector3", &["x", "y", "z"]);
-    let pose = || {
-        let orientation = numbers("foxglove.Quaternion", &["x", "y", "z", "w"]);
-        object("foxglove.Pose", &[("position", vector()), ("orientation", orientation)])
-    };
-    let color = || numbers("foxglove.Color", &["r", "g", "b", "a"]);
-    let primitive = |name: &str, fields: &[(&str, Value)]| {
-        let common = [("pose", pose()), ("color", color())];
-        array(object(&format!("foxglove.{name}Primitive"), &[fields, &common].concat()))
-    };
     let all_numbers = |names: &[&'static str]| names.iter().map(|name| (*name, number())).collect::<Vec<_>>();
     object(
         "foxglove.SceneEntity",

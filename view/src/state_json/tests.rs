@@ -4,6 +4,7 @@ use super::schema::{KEYS, Key, Presence};
 use super::*;
 use crate::schema_check::misfits;
 use bytemuck::Zeroable;
+use equipoise_core::cycle::BodyRejection;
 use equipoise_core::message::state::Phase;
 use serde_json::Value;
 

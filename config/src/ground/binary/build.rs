@@ -30,11 +30,6 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Descript
     let datagrams = config.transport == TransportKind::Udp;
     let form = form(config, datagrams)?;
     check_numbering(config)?;
-    let within = |name: &str, place: NumberPosition| {
-        form.check_place(place)
-            .map(|()| place)
-            .map_err(|fault| DescriptionError::new(key(name), fault.to_string()))
-    };
     let scans = scans(config, &form)?;
     let fields = fields(config, &form)?;
     let names: Vec<String> = config.fields.iter().map(|entry| entry.get_ref().name.clone()).collect();
@@ -48,45 +43,27 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Descript
         let what = format!("[ground.channels] does not use `{}`; leave it out", entry.get_ref().name);
         return Err(DescriptionError::at(entry, key("fields"), what));
     }
-    let count = |name: &str, count: &Option<CountConfig>| -> Result<Option<Count>, DescriptionError> {
-        let Some(count) = count else { return Ok(None) };
-        let place = place(count.at, count.number, count.mask, config.endian);
-        let bits = place.mask.count_ones().min(8 * place.number.bytes() as u32);
-        let modulus = match count.modulus {
-            Some(modulus) => modulus.checked_of_bits(&key(name), bits)?,
-            None => ModulusConfig::of_bits(bits),
-        };
-        Ok(Some(Count { place: within(name, unsigned(name, place)?)?, modulus }))
-    };
     let tag_of = |name: &str, config_tag: &Option<TagConfig>| match config_tag {
         Some(tag) => tag_named(&key(name), tag, config.endian)
-            .and_then(|tag| within(name, tag.place).map(|_| Some(tag))),
+            .and_then(|tag| within(&form, name, tag.place).map(|_| Some(tag))),
         None => Ok(None),
     };
     let status = match &config.status {
         Some(NumberConfig { at, number, mask }) => {
-            Some(within("status", unsigned("status", place(*at, *number, *mask, config.endian))?)?)
+            let place = unsigned("status", place(*at, *number, *mask, config.endian))?;
+            Some(within(&form, "status", place)?)
         }
         None => None,
     };
-    let time = match &config.time {
-        Some(TimeConfig { at, number, unit }) => {
-            let place = within("time", place(*at, *number, None, config.endian))?;
-            if !place.number.is_unsigned() && !matches!(place.number, Number::F32 | Number::F64) {
-                return Err(DescriptionError::new(key("time"), "a time has no sign: u8 to u64, f32 or f64"));
-            }
-            Some(Time { place, unit_ns: unit.ns() })
-        }
-        None => None,
-    };
+    let time = time(config, &form)?;
     let message = |hex: &[u8]| (!hex.is_empty()).then(|| hex.to_vec());
     Ok(BinarySettings {
         datagrams,
         fields,
         channels,
         scans,
-        sequence: count("sequence", &config.sequence)?,
-        counter: count("counter", &config.counter)?,
+        sequence: count(config, &form, "sequence", config.sequence.as_ref())?,
+        counter: count(config, &form, "counter", config.counter.as_ref())?,
         time,
         rate_hz: config.rate_hz,
         status,
@@ -95,6 +72,38 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Descript
         close_command: message(&config.send_on_close),
         form,
     })
+}
+
+/// The place, if every frame contains it.
+fn within(form: &FrameForm, name: &str, place: NumberPosition) -> Result<NumberPosition, DescriptionError> {
+    form.check_place(place)
+        .map(|()| place)
+        .map_err(|fault| DescriptionError::new(key(name), fault.to_string()))
+}
+
+fn count(
+    config: &BinaryConfig,
+    form: &FrameForm,
+    name: &str,
+    count: Option<&CountConfig>,
+) -> Result<Option<Count>, DescriptionError> {
+    let Some(count) = count else { return Ok(None) };
+    let place = place(count.at, count.number, count.mask, config.endian);
+    let bits = place.mask.count_ones().min(8 * place.number.bytes() as u32);
+    let modulus = match count.modulus {
+        Some(modulus) => modulus.checked_of_bits(&key(name), bits)?,
+        None => ModulusConfig::of_bits(bits),
+    };
+    Ok(Some(Count { place: within(form, name, unsigned(name, place)?)?, modulus }))
+}
+
+fn time(config: &BinaryConfig, form: &FrameForm) -> Result<Option<Time>, DescriptionError> {
+    let Some(TimeConfig { at, number, unit }) = &config.time else { return Ok(None) };
+    let place = within(form, "time", place(*at, *number, None, config.endian))?;
+    if !place.number.is_unsigned() && !matches!(place.number, Number::F32 | Number::F64) {
+        return Err(DescriptionError::new(key("time"), "a time has no sign: u8 to u64, f32 or f64"));
+    }
+    Ok(Some(Time { place, unit_ns: unit.ns() }))
 }
 
 /// Checks which numbering fields may be combined.
