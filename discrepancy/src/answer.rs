@@ -151,8 +151,7 @@ fn identification_error(gram: &Gram<'_>, segment: Segment) -> f64 {
         rows.on_cop(row / 2, [moved(0), moved(1), moved(2)])[row % 2]
     });
     gram.noise.cop.whiten_from(0, &mut on_cop);
-    let explained_m2: f64 =
-        (0..3).flat_map(|axis| column(&on_cop, axis)).map(|value| value * value).sum();
+    let explained_m2: f64 = (0..3).flat_map(|axis| column(&on_cop, axis)).map(|value| value * value).sum();
     let before_m2: f64 = (0..3).map(|axis| prior_m2(first + axis, axis)).sum();
     let phi_m = rows.blocks[0].observation.phi_m[segment.index()];
     (before_m2 - explained_m2).max(0.0).sqrt() / norm(phi_m)

@@ -146,8 +146,9 @@ fn posterior(
 ) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let count = mean.len();
     // In units of the prior's sigma, so that metres and newtons are comparable.
-    let scaled =
-        DMatrix::from_fn(count, count, |i, j| f64::from(u8::from(i == j)) + sigma[i] * sigma[j] * products(i, j));
+    let scaled = DMatrix::from_fn(count, count, |i, j| {
+        f64::from(u8::from(i == j)) + sigma[i] * sigma[j] * products(i, j)
+    });
     let inverse = Factor::of(&scaled)?.inverse();
     let right: Vec<f64> = (0..count).map(|i| sigma[i] * with_residual(i) + mean[i] / sigma[i]).collect();
     let value = (0..count)

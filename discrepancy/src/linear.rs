@@ -115,7 +115,9 @@ fn solve_right(lower: &mut DMatrix<f64>, diagonal: &DMatrix<f64>, first: usize, 
             right[next..size].iter_mut().zip(left).for_each(|(to, from)| *to -= factor * from);
         }
         let scale = 1.0 / diagonal[(j, j)];
-        lower.as_mut_slice()[column * size + next..(column + 1) * size].iter_mut().for_each(|value| *value *= scale);
+        lower.as_mut_slice()[column * size + next..(column + 1) * size]
+            .iter_mut()
+            .for_each(|value| *value *= scale);
     }
 }
 
@@ -212,7 +214,8 @@ mod tests {
 
     #[test]
     fn whitening_the_tail_is_whitening_the_whole_with_zeros_above() {
-        let matrix = DMatrix::from_fn(5, 5, |i, j| if i == j { 3.0 } else { 1.0 / (1.0 + i.abs_diff(j) as f64) });
+        let matrix =
+            DMatrix::from_fn(5, 5, |i, j| if i == j { 3.0 } else { 1.0 / (1.0 + i.abs_diff(j) as f64) });
         let factor = Factor::of(&matrix).unwrap();
         let mut tail = DMatrix::from_fn(3, 1, |i, _| i as f64 + 1.0);
         let mut whole = DMatrix::from_fn(5, 1, |i, _| if i < 2 { 0.0 } else { i as f64 - 1.0 });

@@ -336,7 +336,9 @@ fn withheld_percent(carry: &PublicationTally) -> Option<f64> {
 pub fn study(cohort: &Cohort) -> Vec<Table> {
     let subjects = cohort.subjects();
     let ask = |suit_hz: u32, end_s: f64| {
-        map_in_parallel(&subjects, |subject| simulate(subject, subject.settings(), rig(subject, suit_hz), end_s))
+        map_in_parallel(&subjects, |subject| {
+            simulate(subject, subject.settings(), rig(subject, suit_hz), end_s)
+        })
     };
     let results = ask(SUIT_HZ, READ_S[1]);
     let each = subject_table(&subjects, &results);

@@ -10,8 +10,8 @@ use equipoise_simulator::ports::free_address;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::malformed_datagrams::assert_memory_bounded;
 use crate::adapters::adapter;
+use crate::malformed_datagrams::assert_memory_bounded;
 use crate::monitor::Monitor;
 use crate::process::{Process, TIMEOUT, wait_for};
 use crate::shutdown::assert_nothing_left;

@@ -250,7 +250,11 @@ fn matern(rows: &Rows<'_>, i: usize, j: usize, time_s: f64) -> f64 {
 }
 
 /// Columns on the centre of pressure, two rows a block.
-pub(crate) fn cop_columns(rows: &Rows<'_>, count: usize, of: impl Fn(usize, usize) -> [f64; 2]) -> DMatrix<f64> {
+pub(crate) fn cop_columns(
+    rows: &Rows<'_>,
+    count: usize,
+    of: impl Fn(usize, usize) -> [f64; 2],
+) -> DMatrix<f64> {
     let mut columns = DMatrix::zeros(2 * rows.len(), count);
     for column in 0..count {
         for block in 0..rows.len() {
@@ -280,7 +284,11 @@ fn by_pairs(blocks: usize, of: impl Fn(usize, usize) -> [[f64; 2]; 2]) -> DMatri
 }
 
 /// Multiplies each pair of blocks by a factor.
-fn scaled_by_pairs(rows: &Rows<'_>, mut matrix: DMatrix<f64>, of: impl Fn(usize, usize) -> f64) -> DMatrix<f64> {
+fn scaled_by_pairs(
+    rows: &Rows<'_>,
+    mut matrix: DMatrix<f64>,
+    of: impl Fn(usize, usize) -> f64,
+) -> DMatrix<f64> {
     for j in 0..rows.len() {
         for i in j..rows.len() {
             let factor = of(i, j);

@@ -169,9 +169,14 @@ fn time_plot(blocks: &[WorkBlock], fraction: f64, axis: usize) -> TimePlot {
 }
 
 fn pose_plot(blocks: &[WorkBlock], fraction: f64, axis: usize, feature: &str) -> PosePlot {
-    let value = |block: &WorkBlock| if feature.starts_with("trunk") { block.inclination_deg } else { block.elevation_deg };
-    let point =
-        |block: &WorkBlock| PosePoint { feature: value(m), before: block.before(axis), after: block.after(axis, fraction) };
+    let value = |block: &WorkBlock| {
+        if feature.starts_with("trunk") { block.inclination_deg } else { block.elevation_deg }
+    };
+    let point = |block: &WorkBlock| PosePoint {
+        feature: value(m),
+        before: block.before(axis),
+        after: block.after(axis, fraction),
+    };
     PosePlot {
         signal: Signal::ALL[axis],
         feature: feature.to_owned(),
@@ -223,7 +228,8 @@ fn phase_gaps(blocks: &[WorkBlock], fraction: f64, axis: usize) -> [PhaseGap; 3]
 
 fn surprise(blocks: &[WorkBlock], fraction: f64) -> Vec<SurpriseBin> {
     let squares = |fraction: f64| -> Vec<f64> {
-        let values = blocks.iter().map(|block| ((1.0 - fraction) * block.effect[0] + block.noise[0]) / SIGMA[0]);
+        let values =
+            blocks.iter().map(|block| ((1.0 - fraction) * block.effect[0] + block.noise[0]) / SIGMA[0]);
         values.map(|value| value * value).collect()
     };
     let (before, after) = (squares(0.0), squares(fraction));
