@@ -173,7 +173,7 @@ fn pose_plot(blocks: &[WorkBlock], fraction: f64, axis: usize, feature: &str) ->
         if feature.starts_with("trunk") { block.inclination_deg } else { block.elevation_deg }
     };
     let point = |block: &WorkBlock| PosePoint {
-        feature: value(m),
+        feature: value(block),
         before: block.before(axis),
         after: block.after(axis, fraction),
     };
