@@ -92,7 +92,7 @@ impl Restored {
     fn loaded_subject(&mut self, loaded: &str, active: &mut ActiveConfiguration, subjects: &Subjects) {
         let mut destination = ProfileDestination::of(subjects.state(), loaded, None, true);
         let settings_of = |profile: &Profile| {
-            let subject = LoadedSubject { id: loaded.to_owned(), build: profile.build() };
+            let subject = LoadedSubject { id: loaded.to_owned(), build: Some(profile.build()) };
             ActiveConfiguration { loaded: Some(subject), ..active.clone() }.settings()
         };
         let in_order = |reason: String| format!("{reason}; put its profile in order and restart");
@@ -100,7 +100,8 @@ impl Restored {
             Err(in_use) => format!("{in_use}; load it again once that station has another one"),
             Ok(_claim) => match self.read(&destination, settings_of) {
                 Ok(Some(profile)) => {
-                    (destination.build, destination.experience) = (profile.build(), profile.experience());
+                    (destination.build, destination.experience) =
+                        (Some(profile.build()), profile.experience());
                     active.loaded = Some(LoadedSubject { id: loaded.to_owned(), build: destination.build });
                     self.worker = subjects.add(destination);
                     return subjects.activate(self.worker);

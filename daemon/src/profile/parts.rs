@@ -86,12 +86,11 @@ pub(super) struct ShiftPart {
     /// Damage of the low back (LiFFT).
     damage: f64,
     lifts: u64,
-    /// Number of completed lifts, including undone ones; absent before format 4.
-    #[serde(default)]
+    /// Number of completed lifts, including undone ones.
     ended: u64,
     /// By joint; zero for joints that are not listed.
     fatigue: BTreeMap<String, f64>,
-    /// Lifts that can be undone; absent before format 4.
+    /// Lifts that can be undone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     lift: Vec<LiftPart>,
 }

@@ -61,7 +61,8 @@ impl Consistency {
     }
 
     /// Ends the test of the prior and keeps the present estimate.
-    pub fn accept(&mut self) {
+    #[cfg(test)]
+    pub(super) fn accept(&mut self) {
         self.tested = POSES_TESTED as u64;
     }
 
