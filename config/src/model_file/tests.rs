@@ -126,7 +126,8 @@ fn an_error_names_file_effect_key_and_the_nearest_name() {
         ),
         ("[120.0, 640.0]", "[640.0, 120.0]", "m.toml, effect 1, span_s: [640, 120] is not a span"),
         ("[120.0, 640.0]", "[nan, 120.0]", "effect 1, span_s: [NaN, 120] is not a span"),
-        ("83.0", "inf", "m.toml, effect 1, log_odds: must be a finite number"),
+        ("83.0", "inf", "m.toml, effect 1, log_odds: inf is not between -1e12 and 1e12"),
+        ("83.0", "-2e12", "effect 1, log_odds: -2000000000000 is not between"),
         (
             "parameters.mass_kg]",
             "parameters.mas_kg]",
@@ -141,8 +142,11 @@ fn an_error_names_file_effect_key_and_the_nearest_name() {
         (
             "sigma = 0.05",
             "sigma = -0.05",
-            "m.toml, effect 1, parameters.mass_kg.sigma: -0.05 must be a finite number",
+            "m.toml, effect 1, parameters.mass_kg.sigma: -0.05 is not between 0 and 15000",
         ),
+        ("sigma = 0.05", "sigma = 20000.0", "parameters.mass_kg.sigma: 20000 is not between 0 and 15000"),
+        ("sigma = 0.05", "sigma = inf", "parameters.mass_kg.sigma: inf is not between"),
+        ("sigma = 5.0", "sigma = 2e7", "parameters.tau_s.sigma: 20000000 is not between 0 and 10000000"),
         ("unit = \"kg\"", "unit = \"g\"", "m.toml, effect 1, parameters.mass_kg.unit: `g` must be `kg`"),
         (
             "value = 40.0",

@@ -244,7 +244,7 @@ mod tests {
 
     use super::*;
     use crate::profile::example;
-    use crate::station_file::SubjectPart;
+    use crate::station_file::{SubjectPart, TarePart};
 
     fn config() -> Config {
         let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
@@ -339,6 +339,21 @@ mod tests {
             "{:?}",
             restored.messages
         );
+    }
+
+    #[test]
+    fn a_tare_beyond_the_range_of_any_plate_is_not_used() {
+        for (vertical_n, used) in [(41.0, true), (2e6, false)] {
+            let mut stored = bytemuck::zeroed_box::<StoredState>();
+            stored.tare.force_n[2] = vertical_n;
+            let tare = TarePart::of(&stored.tare, unix_s(), &config());
+            let file = StationFile { tare, ..StationFile::new("s") };
+            let (.., restored) = restore(None, Some(&file.to_toml().unwrap()));
+            assert_eq!(restored.memory.tare().force_n[2], if used { vertical_n } else { 0.0 });
+            let messages = restored.messages.join("\n");
+            let refusal = "the tare is not used: a number of it is out of range";
+            assert_eq!(messages.contains(refusal), !used, "{messages}");
+        }
     }
 
     #[test]
