@@ -137,7 +137,7 @@ fn unsafe_stands_where_it_is_expected() {
 }
 
 /// Calls that open an existing file, whatever it is.
-const OPENING_CALLS: [&str; 9] = [
+const OPENING_CALLS: [&str; 10] = [
     "File::open(",
     "File::options(",
     "File::create(",
@@ -146,6 +146,7 @@ const OPENING_CALLS: [&str; 9] = [
     "fs::read(",
     "fs::read_to_string(",
     "fs::write(",
+    "pem_file_iter(",
     "rustix::fs::open(",
 ];
 /// Files that open files directly, with the call.
