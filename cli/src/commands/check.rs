@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use equipoise_config::ground::GroundConfig;
 use equipoise_config::ground::second::in_second;
-use equipoise_config::{Config, GroundSourceKind, LoadedModel, SuitSourceKind, sensor_network};
+use equipoise_config::{Config, GroundSourceKind, LoadedModel, SuitSourceKind, unit_network};
 use equipoise_core::cycle::PriorKind;
 use equipoise_daemon::similar;
 use equipoise_files::secret::{self, SecretError};
@@ -35,7 +35,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     for (name, value) in summary(&config).into_iter().chain(prior) {
         println!("  {name:<10} {value}");
     }
-    for note in sensor_network::notes(&config).into_iter().chain(secrets) {
+    for note in unit_network::notes(&config).into_iter().chain(secrets) {
         println!("{note}");
     }
     Ok(Outcome::Done)
