@@ -313,9 +313,9 @@ const ESTIMATOR_MODULES: [&str; 6] = ["kalman", "exposure", "motion", "anchor", 
 
 #[test]
 fn truth_is_made_of_no_formula_of_the_estimator() {
-    let judges = [("studies", "studies/src"), ("tests", "tests/soak"), ("cli", "cli/src/demo")];
+    let evaluators = [("studies", "studies/src"), ("tests", "tests/soak"), ("cli", "cli/src/demo")];
     let mut files = 0;
-    for (folder, under) in judges {
+    for (folder, under) in evaluators {
         let found = crates().find(|found| found.folder == folder).unwrap();
         for file in found.sources().into_iter().filter(|file| file.path.starts_with(under)) {
             // One reads the estimator's own static window, the other the published lever of its model: as inputs of a
