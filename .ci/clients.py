@@ -1,4 +1,4 @@
-"""Judges what the consumers printed against what they reported: clients.py judge FOLDER NAME=PROCESS...
+"""Evaluates what the consumers printed against what they reported: clients.py evaluate FOLDER NAME=PROCESS...
 
 `refusals STATION` asks the Python package for what it must refuse, `arrays STATION` for its arrays and tables; `datagram
 PORT STATION` reads the UDP gateway by the table of the documents; `mark NAME` is a small thing that bash cannot do.
@@ -133,7 +133,7 @@ def check_daemon(folder, reports, marks):
         assert "ERROR" not in line and "panicked" not in line, f"the daemon said: {line}"
 
 
-def judge(folder, processes):
+def evaluate(folder, processes):
     marks = {name: int(at_ns) for name, at_ns in (line.split() for line in (folder / "marks").read_text().splitlines())}
     reports = [numbers(line) for line in (folder / "reader.out").read_text().splitlines()]
     for name, process in processes.items():
@@ -159,7 +159,7 @@ def check_udp(folder, name, marks):
     states = [fields["state"] for _, fields in lines]
     assert states.count("current") >= 10, f"{name}: {states}"
     last_current = len(states) - 1 - states[::-1].index("current")
-    assert "silent" in states[:last_current], f"{name} did not hear that the daemon was dead: {states}"
+    assert "silent" in states[:last_current], f"{name} did not report that the daemon was dead: {states}"
     assert states[-1] == "network_silent", f"{name} did not notice that the gateway was gone: {states}"
     for line, fields in lines:
         moves = fields["state"] != "current" and fields["speed_percent"] != "0"
@@ -299,7 +299,7 @@ def main():
         print(rest[0], time.monotonic_ns())
     else:
         processes = {name: int(number) for name, number in (pair.split("=") for pair in rest[1:])}
-        judge(pathlib.Path(rest[0]), processes)
+        evaluate(pathlib.Path(rest[0]), processes)
 
 
 if __name__ == "__main__":

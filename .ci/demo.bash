@@ -16,7 +16,7 @@ demo_with_page=("$equipoise" demo --once --duration "$demo_seconds" --page) # an
 record_demo=("$equipoise" record --station "$demo_station")          # and a file
 
 scratch=$(mktemp -d)
-# A bus of its own: nothing that runs on this machine is heard, nothing is left behind. Short, for sockets lie in it.
+# A bus of its own: no other process of this machine takes part, nothing is left behind. Short, for sockets lie in it.
 export EQUIPOISE_BUS_ROOT=$scratch/bus
 started=()
 

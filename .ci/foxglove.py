@@ -1,6 +1,6 @@
 """A viewer of the live gateway, next to a stuck one: foxglove.py PORT PID-OF-GATEWAY PID-OF-STATION.
 
-Speaks foxglove.sdk.v1 by the `websockets` package: text frames announce channels, binary ones carry messages.
+Uses foxglove.sdk.v1 by the `websockets` package: text frames announce channels, binary ones carry messages.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Judges what HdrHistogram's log processor read, and a trace: hlog.py FOLDER SECONDS."""
+"""Evaluates what HdrHistogram's log processor read, and a trace: hlog.py FOLDER SECONDS."""
 
 import collections
 import json

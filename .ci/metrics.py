@@ -1,4 +1,4 @@
-"""Scrapes a running daemon twice and judges what it finds: metrics.py URL FILE-FOR-THE-PLAIN-TEXT."""
+"""Scrapes a running daemon twice and evaluates what it finds: metrics.py URL FILE-FOR-THE-PLAIN-TEXT."""
 
 import sys
 import time

@@ -98,7 +98,7 @@ class Watcher:
                 return message
         raise AssertionError(f"waited in vain for {what}")
 
-    def forget(self):
+    def clear(self):
         while not self.messages.empty():
             self.messages.get()
 
@@ -116,22 +116,22 @@ class Clock:
         return self.now_s + 1.7e9
 
 
-def judge_page():
+def check_page():
     """The page's snippet takes what is new, nothing that a broker kept, and outlives a clock that was ahead."""
     clock, snippet = Clock(), {}
     exec(PAGE.read_text().split("```python\n")[1].split("```")[0], snippet)
     snippet["time"] = clock
 
-    def hear(name, payload):
+    def receive(name, payload):
         message = mqtt.MQTTMessage(topic=f"equipoise/demo/{name}".encode())
         message.payload = payload.encode()
         snippet["on_message"](None, None, message)
 
     def summary(ahead_s, level):
-        hear("summary", json.dumps({"t": clock.time() + ahead_s, "levels": {"L5S1": level}}))
+        receive("summary", json.dumps({"t": clock.time() + ahead_s, "levels": {"L5S1": level}}))
         return snippet["level"]("L5S1")
 
-    hear("online", "online")
+    receive("online", "online")
     assert snippet["level"]("L5S1") is None, "a level before the first summary"
     assert summary(0, "green") == "green"
     assert summary(-1, "red") == "green", "one that came late took the place of a newer one"
@@ -145,7 +145,7 @@ def judge_page():
     clock.now_s += 100
     late = [summary(-left_s, "red") for left_s in range(90, 10, -1)]
     assert not any(late), f"what a broker had kept was taken: {late}"
-    hear("online", "offline")
+    receive("online", "offline")
     assert summary(0, "green") is None, "offline"
     print("mqtt: the page's snippet takes no old summary, and is not blinded by a clock that was ahead")
 
@@ -155,8 +155,8 @@ def resident_mib(process):
         return next(int(line.split()[1]) for line in file if line.startswith("VmRSS")) / 1024
 
 
-def judge(port, scratch, mosquitto, gateway, demo, start):
-    judge_page()
+def evaluate(port, scratch, mosquitto, gateway, demo, start):
+    check_page()
     broker = start("mosquitto", [mosquitto, "-c", str(scratch / "mosquitto.conf")])
     watcher = Watcher(port, scratch)
 
@@ -223,7 +223,7 @@ def judge(port, scratch, mosquitto, gateway, demo, start):
     grown_mib = resident_mib(right) - before_mib
     assert right.poll() is None
     broker.send_signal(signal.SIGCONT)
-    watcher.forget()
+    watcher.clear()
     watcher.until("a summary after the standstill", lambda message: isinstance(message, dict))
     assert grown_mib < 5, f"the gateway grew by {grown_mib:.1f} MiB"
     print(f"mqtt: {grown_mib:.1f} MiB more after 20 s of a broker that hangs; summaries came again by themselves")
@@ -250,7 +250,7 @@ def main(port, scratch, mosquitto, gateway, *demo):
         return process
 
     try:
-        judge(int(port), pathlib.Path(scratch), mosquitto, gateway, demo, start)
+        evaluate(int(port), pathlib.Path(scratch), mosquitto, gateway, demo, start)
     finally:
         for process in started:
             if process.poll() is None:

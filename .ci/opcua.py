@@ -130,7 +130,7 @@ def check_beat(values):
         assert 1 <= values["Joints/L5S1/Level"].Value.Value <= 5
 
 
-class Heard:
+class Received:
     """Counts what a subscription brings."""
 
     def __init__(self):
@@ -151,7 +151,7 @@ async def stuck(port):
     client = plain(port)
     await client.connect()
     nodes = await nodes_of(client)
-    subscription = await client.create_subscription(50, Heard())
+    subscription = await client.create_subscription(50, Received())
     await subscription.subscribe_data_change(list(nodes.values()), queuesize=10)
     print("subscribed", flush=True)
     await asyncio.sleep(600)
@@ -180,7 +180,7 @@ async def main(port, scratch, gateway, demo):
         return process
 
     try:
-        await judge(port, scratch, gateway, demo, start)
+        await evaluate(port, scratch, gateway, demo, start)
     finally:
         for process in started:
             if process.poll() is None:
@@ -194,7 +194,7 @@ async def main(port, scratch, gateway, demo):
                 process.wait()
 
 
-async def judge(port, scratch, gateway, demo, start):
+async def evaluate(port, scratch, gateway, demo, start):
     served = start("gateway", [gateway, "--config", str(scratch / "station.toml")])
 
     async def connected():
@@ -234,11 +234,11 @@ async def judge(port, scratch, gateway, demo, start):
         pass
     print("opcua: no user, a wrong password and a stranger's certificate are refused; user and trusted certificate read")
 
-    # Values, by an encrypted session that lasts to the end; what it subscribes to, it hears.
+    # Values, by an encrypted session that lasts to the end; it receives what it subscribes to.
     watcher = await secure(port, scratch, SecurityPolicyBasic256Sha256)
     await watcher.connect()
-    heard = Heard()
-    subscription = await watcher.create_subscription(50, heard)
+    received = Received()
+    subscription = await watcher.create_subscription(50, received)
     sequence = watcher.get_node(nodes["SequenceNumber"].nodeid)
     await subscription.subscribe_data_change(sequence)
     daemon = start("demo", demo)
@@ -252,15 +252,15 @@ async def judge(port, scratch, gateway, demo, start):
     values = await until("torques", with_torques)
     worst = values["WorstJoint"].Value.Value
     print(f"opcua: torques are published; worst {worst}, {values['LiftedMass'].Value.Value:.1f} kg;"
-          f" {heard.good} sequence numbers heard by subscription")
-    assert heard.good >= 20
+          f" {received.good} sequence numbers received by subscription")
+    assert received.good >= 20
 
     # The demonstration ends by itself; what follows has time.
     daemon.kill()
     daemon.wait()
-    heard.good = 0
+    received.good = 0
     daemon = start("demo", demo)
-    await until("values of a second daemon", lambda: asyncio.sleep(0, heard.good or None))
+    await until("values of a second daemon", lambda: asyncio.sleep(0, received.good or None))
 
     # Clients that take nothing.
     command = [sys.executable, __file__]
@@ -283,8 +283,8 @@ async def judge(port, scratch, gateway, demo, start):
           f" of {len(beats)} beats; {before_mib:.0f} to {largest_mib:.0f} MiB")
     eater.kill()
 
-    # The daemon dies, and comes back. What is to be heard must not be so already.
-    await until("a good value by subscription", lambda: asyncio.sleep(0, heard.is_good or None))
+    # The daemon dies, and comes back. No value of the next daemon may have arrived before.
+    await until("a good value by subscription", lambda: asyncio.sleep(0, received.is_good or None))
     clock = asyncio.get_running_loop().time
     daemon.kill()
     killed = clock()
@@ -301,11 +301,11 @@ async def judge(port, scratch, gateway, demo, start):
         assert await silent(), "a value came back from the dead"
         await asyncio.sleep(0.05)
     # Subscribers receive the kind of bad status only with a filter (docs/consumers/opcua.md).
-    await until("word of the death", lambda: asyncio.sleep(0, None if heard.is_good else True))
+    await until("word of the death", lambda: asyncio.sleep(0, None if received.is_good else True))
     daemon.wait()
-    heard.good = 0
+    received.good = 0
     start("demo", demo)
-    await until("values of the next daemon", lambda: asyncio.sleep(0, heard.good or None))
+    await until("values of the next daemon", lambda: asyncio.sleep(0, received.good or None))
     check_beat(await read_all(client, nodes))
     print(f"opcua: BadNoCommunication {took_ms:.0f} ms after the daemon's SIGKILL; values of the next daemon came by themselves")
 

@@ -1,4 +1,4 @@
-"""Reads exported tables with pyarrow and pandas and judges what it finds: parquet.py FOLDER."""
+"""Reads exported tables with pyarrow and pandas and evaluates what it finds: parquet.py FOLDER."""
 
 import json
 import math

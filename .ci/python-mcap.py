@@ -1,4 +1,4 @@
-"""Reads the end of a recording with the mcap package and judges what it finds: python-mcap.py FILE."""
+"""Reads the end of a recording with the mcap package and evaluates what it finds: python-mcap.py FILE."""
 
 import collections
 import json

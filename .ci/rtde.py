@@ -1,4 +1,4 @@
-"""The judge of .ci/rtde: a client that is not ours on the controller, and what the controller prints of its registers."""
+"""Client of .ci/rtde: a client that is not ours on the controller, and what the controller prints of its registers."""
 
 import pathlib
 import re

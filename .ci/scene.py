@@ -24,7 +24,7 @@ def must_fit(known, message, topic):
 
 
 def as_protobuf(message):
-    """The same scene as Foxglove's own message: it refuses fields that it does not know, and values of another type."""
+    """The same scene as Foxglove's own message: it refuses unknown fields, and values of another type."""
     scene = copy.deepcopy(message)
     for thing in scene["deletions"] + scene["entities"]:
         for key in ("timestamp", "lifetime"):

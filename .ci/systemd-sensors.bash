@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# Sourced by .ci/systemd: what is promised of the sensors' units, and of the daemon without a network.
+# Sourced by .ci/systemd: checks of the sensors' units, and of the daemon without a network.
 
 # The daemon has a network of its own with nothing in it, and no socket but Unix sockets.
 check_network_of_daemon() {

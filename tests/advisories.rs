@@ -11,7 +11,7 @@ use serde::Deserialize;
 const ACCEPTED: [(&str, &str); 5] = [
     (
         "RUSTSEC-2024-0436",
-        "paste is no longer maintained; a macro that faer (gemm) uses while it is built, and nothing at run time",
+        "paste is no longer maintained; a macro that mcap uses while it is built, and nothing at run time",
     ),
     (
         "RUSTSEC-2023-0071",

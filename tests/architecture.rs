@@ -136,21 +136,62 @@ fn unsafe_is_limited_to_listed_files() {
     }
 }
 
-/// Files that open files directly: kernel information, synced folders, locks, the installed program.
-const DIRECT_FILE_ACCESS: [&str; 12] = [
-    "adapters/src/source/serial_line/refused.rs",
-    "cli/src/deletion.rs",
-    "cli/src/doctor/facts.rs",
-    "cli/src/doctor/ports.rs",
-    "cli/src/install.rs",
-    "cli/src/install/files.rs",
-    "station/src/process_state.rs",
-    "recording/src/record/storage.rs",
-    "station/src/proc.rs",
-    "daemon/src/station_file.rs",
-    "daemon/src/supervision/host_clock.rs",
-    "files/src/atomic_file.rs",
+/// Calls that open an existing file, whatever it is.
+const OPENING_CALLS: [&str; 10] = [
+    "File::open(",
+    "File::options(",
+    "File::create(",
+    "OpenOptions::new(",
+    "fs::copy(",
+    "fs::read(",
+    "fs::read_to_string(",
+    "fs::write(",
+    "pem_file_iter(",
+    "rustix::fs::open(",
 ];
+/// Files that open files directly, with the call.
+const OPENED_DIRECTLY: [(&str, &str); 21] = [
+    // The openers, and folders that are synced.
+    ("files/src/open.rs", "rustix::fs::open("),
+    ("files/src/atomic_file.rs", "File::open("),
+    ("cli/src/deletion.rs", "File::open("),
+    ("cli/src/install/files.rs", "File::open("),
+    // Information of the kernel and the system.
+    ("adapters/src/source/serial_line/refused.rs", "fs::read_to_string("),
+    ("cli/src/commands/export.rs", "fs::read_to_string("),
+    ("cli/src/doctor/facts.rs", "fs::read_to_string("),
+    ("cli/src/doctor/ports.rs", "fs::read_to_string("),
+    ("daemon/src/station_file.rs", "fs::read_to_string("),
+    ("daemon/src/supervision/host_clock.rs", "fs::read_to_string("),
+    ("station/src/proc.rs", "fs::read_to_string("),
+    ("station/src/process_state.rs", "fs::read_to_string("),
+    // Devices and pipes of sensors, opened without waiting.
+    ("adapters/src/source/file_line.rs", "OpenOptions::new("),
+    ("adapters/src/source/serial_line.rs", "rustix::fs::open("),
+    // Output that a command names, which may be a pipe.
+    ("adapters/src/capture/pcap_writer.rs", "File::create("),
+    ("cli/src/commands/latency.rs", "OpenOptions::new("),
+    ("recording/src/replay/output.rs", "File::create("),
+    // Files in a folder that was just created.
+    ("discrepancy/src/session_report/pdf.rs", "fs::write("),
+    ("discrepancy/src/workflow/output.rs", "fs::write("),
+    // The program and its units, which are installed.
+    ("cli/src/install.rs", "fs::read("),
+    ("cli/src/install/files.rs", "fs::read("),
+];
+
+/// The calls of [`OPENING_CALLS`] in this code; without those that never open an existing file (`create_new`).
+fn opening_calls(code: &str) -> Vec<&'static str> {
+    let is_opening = |(at, call): &(usize, &str)| {
+        let is_call = !code[..*at].ends_with(|before: char| before.is_alphanumeric() || before == '_');
+        let options = code[*at..].split(".open(").next().unwrap_or_default();
+        is_call && !(*call == "OpenOptions::new(" && options.contains("create_new(true)"))
+    };
+    OPENING_CALLS
+        .into_iter()
+        .filter(|call| code.match_indices(*call).any(|found| is_opening(&found)))
+        .collect()
+}
 
 #[test]
 fn files_are_opened_by_the_files_crate() {
@@ -158,34 +199,49 @@ fn files_are_opened_by_the_files_crate() {
     let shipped = [
         "adapters",
         "bus",
+        "cli",
+        "clients",
         "config",
         "daemon",
         "discrepancy",
         "export",
+        "files",
         "gateways",
+        "latency",
         "recording",
         "station",
         "view",
     ];
     let is_shipped = |found: &Crate| found.folder.split('/').next().is_some_and(|top| shipped.contains(&top));
+    let mut found_directly = BTreeSet::new();
     for found in crates().filter(is_shipped) {
         for file in
             found.sources().into_iter().filter(|file| file.path.starts_with(found.folder.clone() + "/src"))
         {
             let path = file.path.to_string_lossy().into_owned();
-            let outside_tests = file.code.split("#[cfg(test)]").next().unwrap_or_default();
-            let opens = ["File::open(", "fs::read(", "fs::read_to_string("];
-            let is_call = |at: usize| !outside_tests[..at].ends_with(char::is_alphanumeric);
-            let opened =
-                opens.iter().find(|call| outside_tests.match_indices(**call).any(|(at, _)| is_call(at)));
-            let is_expected = DIRECT_FILE_ACCESS.contains(&path.as_str()) || path.contains("/tests");
-            assert!(
-                opened.is_none() || is_expected,
-                "{path}: {} …): open it by files/",
-                opened.unwrap_or(&"")
-            );
+            let outside_tests = file.code.split("mod tests {").next().unwrap_or_default();
+            for call in opening_calls(outside_tests) {
+                let expected = OPENED_DIRECTLY.iter().find(|expected| **expected == (path.as_str(), call));
+                assert!(
+                    expected.is_some() || path.contains("/tests"),
+                    "{path}: {call} …): open it by files/"
+                );
+                found_directly.extend(expected);
+            }
         }
     }
+    let unused: Vec<_> =
+        OPENED_DIRECTLY.iter().filter(|expected| !found_directly.contains(*expected)).collect();
+    assert!(unused.is_empty(), "do not open files directly any more: delete the lines {unused:?}");
+}
+
+#[test]
+fn opening_calls_are_recognised() {
+    let calls = |code: &str| opening_calls(code).join(" ");
+    assert_eq!(calls("let file = std::fs::File::open(path)?; fs::write(a, b)"), "File::open( fs::write(");
+    assert_eq!(calls("SomeFile::open(path); old_fs::read(path); Recording::open(path)"), "");
+    assert_eq!(calls("OpenOptions::new().write(true).create(true).open(path)"), "OpenOptions::new(");
+    assert_eq!(calls("OpenOptions::new().write(true).create_new(true).open(path)"), "");
 }
 
 #[test]

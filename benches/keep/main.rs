@@ -32,7 +32,7 @@ fn memory() -> Box<Memory> {
     }
     let mut kept = bytemuck::zeroed_box();
     memory.identification.store(&mut kept);
-    kept.performed = Performed::of(POSES, (0..POSES).map(|pose| [pose as f64; PARAMETERS]));
+    kept.performed = Performed::of(POSES, (0..POSES).map(|pose| [0.1 * pose as f64; PARAMETERS]));
     assert!(memory.identification.restore(&kept, &settings), "a worker that fits");
     memory
 }

@@ -11,6 +11,7 @@ mod zenoh;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
+use equipoise_files::secret::{self, SecretError};
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +52,46 @@ pub struct GatewaysConfig {
     pub foxglove: Option<FoxgloveConfig>,
 }
 
+/// A file with a secret.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SecretFile<'a> {
+    /// The key that names it.
+    pub key: &'static str,
+    /// The path as configured.
+    pub path: &'a Path,
+    /// Whether its lines are `name:password`.
+    has_logins: bool,
+}
+
+impl SecretFile<'_> {
+    /// Reads the file as its gateway does; a relative path refers to the folder `base`.
+    ///
+    /// # Errors
+    /// Why the gateway rejects it.
+    pub fn check(&self, base: &Path) -> Result<(), SecretError> {
+        let path = base.join(self.path);
+        if self.has_logins { secret::logins(&path).map(drop) } else { secret::read(&path).map(drop) }
+    }
+}
+
 impl GatewaysConfig {
+    /// Files with passwords and private keys. Those that Zenoh's own file names are not among them.
+    pub fn secrets(&self) -> Vec<SecretFile<'_>> {
+        let (opcua, mqtt) = (self.opcua.as_ref(), self.mqtt.as_ref());
+        let users = opcua.and_then(|opcua| opcua.users_file.as_deref());
+        let password = mqtt.and_then(|mqtt| mqtt.password_file.as_deref());
+        let key = mqtt.and_then(|mqtt| mqtt.key_file.as_deref());
+        let zenoh = self.zenoh.as_ref().and_then(|zenoh| zenoh.file.as_deref());
+        let all = [
+            ("gateways.opcua.users_file", users, true),
+            ("gateways.mqtt.password_file", password, true),
+            ("gateways.mqtt.key_file", key, false),
+            ("gateways.zenoh.file", zenoh, false),
+        ];
+        let named = all.into_iter().filter_map(|(key, path, has_logins)| Some((key, path?, has_logins)));
+        named.map(|(key, path, has_logins)| SecretFile { key, path, has_logins }).collect()
+    }
+
     /// Rules that types cannot express.
     ///
     /// # Errors

@@ -13,9 +13,9 @@ mod ports;
 mod recording;
 mod remedy;
 mod renamed;
-pub mod sensor_network;
 pub mod similar;
 pub mod suit;
+pub mod unit_network;
 
 use std::borrow::Cow;
 use std::net::SocketAddr;

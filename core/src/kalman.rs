@@ -25,6 +25,12 @@ pub const STATES: usize = PARAMETERS + NUISANCE;
 /// to two units in the last place of √(P_ii P_jj) in either direction, add up to √71 times that.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
+/// Upper bound of a parameter's variance, m²: without a prior 1, inflated at most a hundredfold; the same again for process
+/// noise.
+const VARIANCE_MAX_M2: f64 = 200.0;
+/// Maximum error of a parameter in units of its 1-σ.
+const SIGMAS_MAX: f64 = 6.0;
+
 /// State and covariance: `count` parameters θ, then [`NUISANCE`] states that are exactly zero until
 /// [`Filter::reset_state`] gives them a variance. Rows and columns beyond are unused.
 #[repr(C)]
@@ -297,6 +303,16 @@ impl Filter {
                             && one * one <= bound * (1.0 + 1e-9)
                     })
             })
+    }
+
+    /// Whether θ and its variances are possible for a body of this stature, m: a parameter is a sum of fractions of the mass
+    /// times lengths within the body (Eq. 2), so its true value is below the stature.
+    pub fn is_within_reach(&self, height_m: f64) -> bool {
+        (0..self.count()).all(|index| {
+            let variance_m2 = self.variance_m2(index);
+            variance_m2 <= VARIANCE_MAX_M2
+                && self.theta_m[index].abs() <= height_m + SIGMAS_MAX * math::sqrt(variance_m2)
+        })
     }
 
     /// Restores stored values of θ, with the nuisance states exactly zero. Returns whether they are sound.

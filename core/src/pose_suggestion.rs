@@ -86,9 +86,10 @@ impl Performed {
         self.count = other.count;
     }
 
-    /// Whether count and numbers are in range; a stored memory is checked before use.
+    /// Whether count and numbers are in range; a stored memory is checked before use. A rotation vector is at most π long.
     pub fn is_sound(&self) -> bool {
-        self.count < 1 << 32 && self.coordinates_rad.iter().flatten().all(|value| value.is_finite())
+        let is_angle = |value: &f64| value.abs() <= core::f64::consts::PI + 1e-9;
+        self.count < 1 << 32 && self.coordinates_rad.iter().flatten().all(is_angle)
     }
 
     /// Eq. 11 for one candidate: its distance from all performed poses, `Σ_j √(Σ_r w_r (x_jr − y_r)²)`, rad, with the

@@ -12,25 +12,22 @@ use std::path::{Path, PathBuf};
 
 use equipoise_config::method::{Build, HEIGHT_M, MASS_KG, SexConfig};
 use equipoise_core::body::SEGMENTS;
-use equipoise_core::cycle::identification::{Consistency, StoredSubject};
+use equipoise_core::cycle::identification::StoredSubject;
 use equipoise_core::cycle::{Identification, NO_POSE, Settings};
 use equipoise_core::exposure::Shift;
 use equipoise_core::handover::experience::Experience;
+use equipoise_core::kalman::Filter;
 use equipoise_core::message::Printable;
 use equipoise_core::pose_suggestion::Performed;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use serde::{Deserialize, Serialize};
 
-use crate::stored_file::{self, Formats, Refusal, sealed};
+use crate::stored_file::{self, Refusal, sealed};
 
 use self::parts::{ConsistencyPart, HandoverPart, ShiftPart, index_of, names_of, set_of};
 
-/// Increments with every change of the file's layout or meaning. Format 2 lacked the poses, their consistency and the
-/// shift; format 3 lacked individual lifts and the checksum; format 4 lacked the handovers; format 5 lacked the model
-/// error. Files of format 1 lack stature and sex, so they cannot serve as a similar subject. The content of
-/// older files is read.
-const FORMAT: u32 = 6;
-const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 4 };
+/// Increments with every change of the file's layout or meaning; a file of another format is refused.
+const FORMAT: u32 = 7;
 
 /// Maximum number of characters of another subject's name in a message.
 const ID_CHARS_MAX: usize = 64;
@@ -47,33 +44,27 @@ pub struct Profile {
     pub parameters: usize,
     /// Body mass, kg; 0 if unavailable.
     pub mass_kg: f64,
-    /// Its 1-σ, kg, if it was weighed; absent in older files.
+    /// Its 1-σ, kg, if it was weighed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     mass_sigma_kg: Option<f64>,
-    /// Stature, m; absent in files of format 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    height_m: Option<f64>,
-    /// Sex as it was configured; absent in files of format 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    sex: Option<SexConfig>,
+    /// Stature, m.
+    height_m: f64,
+    /// Sex as it was configured.
+    sex: SexConfig,
     /// Number of held poses used by the filter.
     pub poses_used: u64,
     /// Whether identification is complete.
     pub identified: bool,
-    /// Whether identification was active; absent before format 3.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    learning: Option<bool>,
+    /// Whether identification was active.
+    learning: bool,
     /// The suggested pose of the library.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     suggested: Option<String>,
     /// Poses of the library that were suggested before.
-    #[serde(default)]
     asked: Vec<String>,
     /// Poses of the library that this subject could not hold.
-    #[serde(default)]
     unholdable: Vec<String>,
     /// Number of poses performed since the start of the identification.
-    #[serde(default)]
     poses_performed: u64,
     /// Skeleton: each segment's origin in its parent, m.
     skeleton_m: Vec<[f64; 3]>,
@@ -84,20 +75,16 @@ pub struct Profile {
     /// P of θ, m², row by row.
     covariance_m2: Vec<f64>,
     /// The poses performed, oldest first: a rotation vector per segment, rad.
-    #[serde(default)]
     performed_rad: Vec<Vec<f64>>,
     /// Consistency of the measurements with the prior.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    consistency: Option<ConsistencyPart>,
-    /// Variance of the model error forward and sideways, m²; absent before format 6.
-    #[serde(default)]
+    consistency: ConsistencyPart,
+    /// Variance of the model error forward and sideways, m².
     model_error_m2: [f64; 2],
-    /// Measured handovers, oldest first; absent before format 5.
+    /// Measured handovers, oldest first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     handover: Vec<HandoverPart>,
     /// Exposure accumulated over the shift.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    shift: Option<ShiftPart>,
+    shift: ShiftPart,
 }
 
 /// A profile cannot be used.
@@ -125,7 +112,7 @@ impl Profile {
     /// The profile of a subject; `None` before the skeleton is available. `saved_unix_s` is the time, s since 1970 UTC.
     pub fn of(
         subject: &str,
-        build: Option<Build>,
+        build: Build,
         worker: &StoredSubject,
         shift: &Shift,
         experience: &Experience,
@@ -142,11 +129,11 @@ impl Profile {
             parameters: count,
             mass_kg: worker.mass_kg,
             mass_sigma_kg: Some(worker.mass_sigma_kg).filter(|sigma_kg| *sigma_kg > 0.0),
-            height_m: build.map(|build| build.height_m),
-            sex: build.map(|build| build.sex),
+            height_m: build.height_m,
+            sex: build.sex,
             poses_used: worker.poses_used,
             identified: worker.identified == 1,
-            learning: Some(worker.identifying == 1),
+            learning: worker.identifying == 1,
             suggested: suggested.map(|posture| posture.name.to_owned()),
             asked: names_of(worker.suggested_before),
             unholdable: names_of(worker.unholdable),
@@ -156,16 +143,16 @@ impl Profile {
             theta_m: worker.filter.theta_m()[..count].to_vec(),
             covariance_m2: (0..count).flat_map(|row| worker.filter.covariance_row_m2(row).to_vec()).collect(),
             performed_rad: worker.performed.poses().map(|pose| pose.to_vec()).collect(),
-            consistency: Some(ConsistencyPart::of(&worker.consistency)),
+            consistency: ConsistencyPart::of(&worker.consistency),
             model_error_m2: worker.misfit_m2,
             handover: experience.handovers().map(HandoverPart::of).collect(),
-            shift: Some(ShiftPart::of(shift, saved_unix_s)),
+            shift: ShiftPart::of(shift, saved_unix_s),
         })
     }
 
-    /// Stature and sex; `None` if the file lacks them.
-    pub fn build(&self) -> Option<Build> {
-        Some(Build { height_m: self.height_m?, sex: self.sex? })
+    /// Stature and sex.
+    pub fn build(&self) -> Build {
+        Build { height_m: self.height_m, sex: self.sex }
     }
 
     /// Skeleton: each segment's origin in its parent, m.
@@ -189,7 +176,7 @@ impl Profile {
     /// Why it does not fit.
     pub fn worker(&self, settings: &Settings) -> Result<Box<Identification>, String> {
         let mut worker = bytemuck::zeroed_box::<Identification>();
-        if worker.restore(&*self.stored(settings)?, settings) {
+        if worker.restore(&*self.stored()?, settings) {
             Ok(worker)
         } else {
             Err(format!(
@@ -199,7 +186,7 @@ impl Profile {
         }
     }
 
-    fn stored(&self, settings: &Settings) -> Result<Box<StoredSubject>, String> {
+    fn stored(&self) -> Result<Box<StoredSubject>, String> {
         let mut stored = bytemuck::zeroed_box::<StoredSubject>();
         stored.has_body = 1;
         let bones: Result<[[f64; 3]; SEGMENTS], _> = self.skeleton_m.clone().try_into();
@@ -210,15 +197,12 @@ impl Profile {
             .clone()
             .try_into()
             .map_err(|_| "its last pose has another number of joints".to_owned())?;
-        if !stored.filter.restore(&self.theta_m, &self.covariance_m2) {
-            return Err("a number of θ or P is out of range, or one is missing".to_owned());
-        }
+        stored.filter = *self.filter()?;
         stored.mass_kg = self.mass_kg;
         stored.mass_sigma_kg = self.mass_sigma_kg.unwrap_or(0.0);
         stored.poses_used = self.poses_used;
         stored.identified = u64::from(self.identified);
-        let learning = self.learning.unwrap_or(settings.start_identifying);
-        stored.identifying = u64::from(learning && !self.identified);
+        stored.identifying = u64::from(self.learning && !self.identified);
         // Unknown pose names are dropped; the performed poses themselves are stored separately.
         stored.suggested_before = set_of(&self.asked);
         stored.unholdable = set_of(&self.unholdable);
@@ -229,17 +213,23 @@ impl Profile {
             performed.map_err(|_| "a performed pose has another number of segments".to_owned())?;
         stored.performed = Performed::of(self.poses_performed, performed.into_iter());
         stored.misfit_m2 = self.model_error_m2;
-        stored.consistency = match &self.consistency {
-            Some(part) => part.consistency(),
-            None => {
-                let mut consistency = Consistency::start();
-                if self.poses_used > 0 {
-                    consistency.accept();
-                }
-                consistency
-            }
-        };
+        stored.consistency = self.consistency.consistency();
         Ok(stored)
+    }
+
+    /// The filter with θ and P.
+    fn filter(&self) -> Result<Box<Filter>, String> {
+        let mut filter = bytemuck::zeroed_box::<Filter>();
+        if self.theta_m.len() != self.parameters || !filter.restore(&self.theta_m, &self.covariance_m2) {
+            return Err("a number of θ or P is out of range, or one is missing".to_owned());
+        }
+        if !filter.is_within_reach(self.height_m) {
+            return Err(format!(
+                "a number of θ or P is beyond the reach of a body with a stature of {} m",
+                self.height_m
+            ));
+        }
+        Ok(filter)
     }
 
     /// The shift to resume at a time, s since 1970 UTC, and a message.
@@ -247,8 +237,7 @@ impl Profile {
     /// # Errors
     /// Why a new shift begins.
     pub fn shift(&self, now_unix_s: u64) -> Result<(Shift, String), String> {
-        let part = self.shift.as_ref().ok_or("the profile is from before it was kept")?;
-        let (shift, age_s) = part.shift(now_unix_s)?;
+        let (shift, age_s) = self.shift.shift(now_unix_s)?;
         let unknown = match age_s {
             Some(_) => "",
             None => {
@@ -273,7 +262,7 @@ impl Profile {
     /// [`ProfileError`].
     pub fn read(path: &Path) -> Result<Option<Profile>, ProfileError> {
         let refused = |reason: String| ProfileError::Refused { path: path.to_owned(), reason };
-        let read = stored_file::read(path, &FORMATS).map_err(|refusal| match refusal {
+        let read = stored_file::read(path, FORMAT).map_err(|refusal| match refusal {
             Refusal::Io(source) => ProfileError::Io { path: path.to_owned(), source },
             Refusal::Content(reason) => refused(reason),
         })?;
@@ -288,15 +277,22 @@ impl Profile {
         Ok(Some(profile))
     }
 
-    /// Checks mass, stature and handovers; skeleton, θ, P, counts and the shift are checked where they are restored.
+    /// Checks mass, stature, θ, P, handovers and the shift; the other numbers are checked where they are restored.
     fn check(&self) -> Result<(), String> {
         let out = |what: &str, value: f64| Err(format!("{what} is {value}, which no person's is"));
         if self.mass_kg != 0.0 && !MASS_KG.contains(&self.mass_kg) {
             return out("mass_kg", self.mass_kg);
         }
-        if let Some(height_m) = self.height_m.filter(|metres| !HEIGHT_M.contains(metres)) {
-            return out("height_m", height_m);
+        if let Some(sigma_kg) =
+            self.mass_sigma_kg.filter(|sigma_kg| !(0.0..=*MASS_KG.end()).contains(sigma_kg))
+        {
+            return out("mass_sigma_kg", sigma_kg);
         }
+        if !HEIGHT_M.contains(&self.height_m) {
+            return out("height_m", self.height_m);
+        }
+        self.filter()?;
+        self.shift.check()?;
         if !self.handover.iter().all(|part| part.handover().is_sound()) {
             return Err("a handover in it is out of range".to_owned());
         }
@@ -328,115 +324,4 @@ pub fn unix_s() -> u64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::fs;
-
-    use bytemuck::Zeroable;
-
-    use equipoise_core::body::Skeleton;
-    use equipoise_core::frame::{Pose, rotation};
-    use equipoise_core::handover::experience::Handover;
-
-    use super::*;
-
-    #[test]
-    fn a_broken_profile_is_refused_and_unchanged() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("a.toml");
-        assert_eq!(Profile::read(&path).unwrap(), None);
-        fs::write(&path, "format = 1\nsubject = ").unwrap();
-        assert!(Profile::read(&path).unwrap_err().to_string().contains("left as it is"));
-        assert_eq!(fs::read_to_string(&path).unwrap(), "format = 1\nsubject = ");
-    }
-
-    #[test]
-    fn a_profile_of_another_subject_or_of_no_valid_body_is_refused() {
-        let directory = tempfile::tempdir().unwrap();
-        let (path, other) = (directory.path().join("a.toml"), directory.path().join("b.toml"));
-        let text = "format = 1\nsubject = \"a\"\nparameters = 0\nmass_kg = 70.0\nheight_m = 1.7\nposes_used = 3\n\
-                    identified = true\nskeleton_m = []\nlast_pose_wxyz = [[1.0, 0.0, 0.0, 0.0]]\ntheta_m = []\n\
-                    covariance_m2 = []\n";
-        fs::write(&path, text).unwrap();
-        assert!(Profile::read(&path).unwrap().is_some());
-        fs::copy(&path, &other).unwrap();
-        assert!(Profile::read(&other).unwrap_err().to_string().contains("of the subject a"));
-        for (good, bad, expected) in [
-            ("70.0", "700.0", "mass_kg is 700"),
-            ("70.0", "nan", "mass_kg is NaN"),
-            ("1.7", "17.0", "height_m is 17"),
-            ("[[1.0,", "[[9.0,", "unit length"),
-            ("[[1.0,", "[[nan,", "unit length"),
-            (
-                "covariance_m2 = []",
-                "covariance_m2 = []\n[[handover]]\nplace_m = [0.4, 0.0, 1.0]\nexcess = 70.0\nsigma = 0.1",
-                "a handover",
-            ),
-        ] {
-            fs::write(&path, text.replace(good, bad)).unwrap();
-            let refusal = Profile::read(&path).unwrap_err().to_string();
-            assert!(refusal.contains(expected), "{bad}: {refusal}");
-        }
-    }
-
-    #[test]
-    fn a_file_without_stature_is_read_and_one_of_a_later_version_is_refused() {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("a.toml");
-        let old = "format = 1\nsubject = \"a\"\nparameters = 0\nmass_kg = 70.0\nposes_used = 3\nidentified = true\n\
-                   skeleton_m = []\nlast_pose_wxyz = []\ntheta_m = []\ncovariance_m2 = []\n";
-        fs::write(&path, old).unwrap();
-        let profile = Profile::read(&path).unwrap().unwrap();
-        assert_eq!((profile.poses_used, profile.build()), (3, None));
-        let new = old.replace("format = 1", "format = 2\nheight_m = 1.7\nsex = \"female\"");
-        fs::write(&path, &new).unwrap();
-        let build = Build { height_m: 1.7, sex: SexConfig::Female };
-        assert_eq!(Profile::read(&path).unwrap().unwrap().build(), Some(build));
-        fs::write(&path, new.replace("format = 2", "format = 7")).unwrap();
-        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 6"));
-    }
-
-    #[test]
-    fn a_profile_restores_the_stored_subject() {
-        let settings = Settings { library: LIBRARY, ..Settings::for_height(1.77) };
-        let mut worker = bytemuck::zeroed_box::<Identification>();
-        worker.start(&settings);
-        let origin = Skeleton::nominal(1.77).t_pose_m().map(Into::into);
-        let pose = Pose::new(origin, [rotation([1.0, 0.0, 0.0, 0.0]); SEGMENTS]);
-        while !worker.has_body() {
-            worker.update_skeleton(&pose, &settings);
-        }
-        worker.mass_kg = 71.5;
-        let mut stored = bytemuck::zeroed_box::<StoredSubject>();
-        worker.store(&mut stored);
-        stored.performed = Performed::of(70, (0..64).map(|pose| [f64::from(pose) * 0.1; 3 * SEGMENTS]));
-        (stored.suggested_before, stored.unholdable, stored.suggested, stored.identifying) =
-            (0b101, 0b10, 2, 0);
-        stored.poses_used = 70;
-        stored.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
-        (stored.misfit_m2, stored.mass_sigma_kg) = ([1e-4, 4e-5], 1.25);
-        let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3, ..Shift::zeroed() };
-        let mut experience = Experience::default();
-        for excess in [0.25, -0.1] {
-            experience.add(Handover { place_m: [0.4, -0.1, 1.1], excess, sigma: 1.0 / 3.0 });
-        }
-        let written = Profile::of("a", None, &stored, &shift, &experience, 1_000_000).unwrap();
-        let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
-        assert_eq!(read, written);
-        let message = "the shift goes on: 3 lifts so far".to_owned();
-        assert_eq!(read.shift(1_000_060), Ok((shift, message)));
-        assert!(read.shift(999_000).unwrap().1.contains("set the clock"));
-        assert_eq!(read.experience(), Experience::default(), "not identified");
-        assert_eq!(Profile { identified: true, ..read.clone() }.experience(), experience);
-        let mut again = bytemuck::zeroed_box::<StoredSubject>();
-        read.worker(&settings).unwrap().store(&mut again);
-        // The stance part of P is reset.
-        let mut expected = bytemuck::zeroed_box::<Identification>();
-        assert!(expected.restore(&stored, &settings));
-        expected.store(&mut stored);
-        assert!(bytemuck::bytes_of(&*again) == bytemuck::bytes_of(&*stored));
-        assert_eq!((again.suggested_before, again.unholdable, again.suggested), (0b101, 0b10, 2));
-        assert_eq!((again.identifying, again.performed.count()), (0, 70));
-        assert_eq!(again.misfit_m2, [1e-4, 4e-5]);
-        assert!((again.mass_sigma_kg - 1.25).abs() < 1e-9);
-    }
-}
+mod tests;

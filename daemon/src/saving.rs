@@ -150,7 +150,7 @@ impl Writer {
         self.lifts.ingest(number, &copy.shift, now_ns(), unix_s());
         let of = |saved_unix_s| {
             let ProfileDestination { subject, build, experience, .. } = &destination;
-            Profile::of(subject, *build, &copy.subject, &copy.shift, experience, saved_unix_s)
+            Profile::of(subject, (*build)?, &copy.subject, &copy.shift, experience, saved_unix_s)
         };
         let Some(undated) = of(0) else { return };
         let same = self.profile.as_ref().is_some_and(|(of, profile)| *of == number && *profile == undated);

@@ -51,8 +51,8 @@ pub fn similar_to_configured(config: &Config, state: &StateDirectory) -> Option<
 
 /// The most similar of the stored subjects for the subject of these settings, excluding that subject itself.
 ///
-/// `None` if the settings request no similar subject, or none is similar. Profiles that cannot be read, are not
-/// completely identified, or lack stature and sex are skipped. Of equally similar subjects the first by name is chosen.
+/// `None` if the settings request no similar subject, or none is similar. Profiles that cannot be read or are not
+/// completely identified are skipped. Of equally similar subjects the first by name is chosen.
 ///
 /// # Errors
 /// The folder of the profiles cannot be read.
@@ -80,7 +80,7 @@ pub fn describe(chosen: Option<&Chosen>) -> String {
 }
 
 fn compare(profile: &Profile, settings: &Settings) -> Option<Chosen> {
-    let build = profile.build()?;
+    let build = profile.build();
     let scaled_square = |difference: f64, width: f64| (difference / width).powi(2);
     let mass = match settings.mass_kg {
         Some(mass_kg) if profile.mass_kg > 0.0 => scaled_square(mass_kg - profile.mass_kg, MASS_WIDTH_KG),
@@ -97,7 +97,7 @@ fn compare(profile: &Profile, settings: &Settings) -> Option<Chosen> {
 
 /// Deviation of a subject's Φ from that of the table with the same segment lengths, and its variance.
 fn deviation(profile: &Profile) -> Option<([f64; PARAMETERS], [f64; PARAMETERS])> {
-    let build = profile.build()?;
+    let build = profile.build();
     let offset_m: [[f64; 3]; SEGMENTS] = profile.skeleton_m().try_into().ok()?;
     let skeleton = Skeleton { offset_m };
     let table = Phi::of(&skeleton, &Anthropometry::de_leva(&skeleton, build.height_m, build.sex.into()));
@@ -138,8 +138,8 @@ mod tests {
     }
 
     /// Stores a subject whose Φ equals the table's.
-    fn store(folder: &Path, subject: &str, build: Option<Build>, mass_kg: f64, identified: u64) {
-        let height_m = build.map_or(1.77, |build| build.height_m);
+    fn store(folder: &Path, subject: &str, build: Build, mass_kg: f64, identified: u64) {
+        let height_m = build.height_m;
         let settings = Settings { height_m, mass_kg: Some(mass_kg), ..settings() };
         let mut worker = bytemuck::zeroed_box::<Identification>();
         worker.start(&settings);
@@ -164,7 +164,7 @@ mod tests {
         let state = StateDirectory::at(directory.path());
         let folder = state.profiles();
         let choose = |settings: &Settings| choose("me", settings, &state).unwrap();
-        let build = |height_m, sex| Some(Build { height_m, sex });
+        let build = |height_m, sex| Build { height_m, sex };
         assert!(choose(&settings()).is_none(), "no folder yet");
         std::fs::create_dir(&folder).unwrap();
         store(&folder, "far", build(1.60, SexConfig::Male), 72.0, 1);
@@ -174,7 +174,6 @@ mod tests {
         store(&folder, "man", build(1.78, SexConfig::Male), 74.0, 1);
         store(&folder, "me", build(1.77, SexConfig::Male), 72.0, 1);
         store(&folder, "unfinished", build(1.77, SexConfig::Male), 72.0, 0);
-        store(&folder, "old", None, 72.0, 1);
         std::fs::write(folder.join("broken.toml"), "format = ").unwrap();
         let chosen = choose(&settings()).unwrap();
         assert_eq!(chosen.subject, "man");
@@ -195,7 +194,7 @@ mod tests {
     #[test]
     fn the_difference_from_the_table_is_restored() {
         let folder = tempfile::tempdir().unwrap();
-        store(folder.path(), "a", Some(Build { height_m: 1.77, sex: SexConfig::Male }), 72.0, 1);
+        store(folder.path(), "a", Build { height_m: 1.77, sex: SexConfig::Male }, 72.0, 1);
         let profile = Profile::read(&folder.path().join("a.toml")).unwrap().unwrap();
         let (deviation_m, variance_m2) = deviation(&profile).unwrap();
         // Soft constraints shift the table's values by less than half a millimetre.

@@ -14,16 +14,14 @@ use equipoise_core::message::Printable;
 use equipoise_files::Sha256;
 use serde::{Deserialize, Serialize};
 
-use crate::stored_file::{self, Formats, Refusal, sealed};
+use crate::stored_file::{self, Refusal, sealed};
 
 mod force_offset;
 
 pub use force_offset::ForceOffsetPart;
 
-/// Increments with every change of the file's layout or meaning. Format 1 had no checksum; format 2 did not distinguish
-/// an unnamed subject from the configured one; format 3 lacked the force offset, and its position the stance offset.
+/// Increments with every change of the file's layout or meaning; a file of another format is refused.
 const FORMAT: u32 = 4;
-const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 2 };
 /// Age from which a tare is reported as old, s: one shift, in which a plate warms up and cools down.
 const TARE_AGE_MAX_S: u64 = 12 * 3600;
 
@@ -100,8 +98,6 @@ pub struct TarePart {
     force_n: [f64; 3],
     moment_nm: [f64; 3],
     foot_vertical_n: [f64; 2],
-    /// Absent in files written before each foot had a tare.
-    #[serde(default, skip_serializing_if = "is_empty")]
     foot_lever_nm: [[f64; 2]; 2],
 }
 
@@ -111,24 +107,19 @@ pub struct TarePart {
 pub struct RegistrationPart {
     /// Boot id of the machine, for `suit_time_ns`.
     boot: String,
-    /// SHA-256 of the plates' frames: the registration is relative to the world that they define. Empty in older files.
-    #[serde(default)]
+    /// SHA-256 of the plates' frames: the registration is relative to the world that they define.
     frames: String,
-    /// Rotation about the vertical and its 1-σ, rad; absent in older files.
-    #[serde(default)]
+    /// Rotation about the vertical and its 1-σ, rad.
     station_from_suit_rad: f64,
-    #[serde(default)]
     station_from_suit_sigma_rad: f64,
     station_from_suit_m: [f64; 2],
-    /// Its 1-σ by the stance offset, m; absent before format 4.
-    #[serde(default)]
+    /// Its 1-σ by the stance offset, m.
     station_from_suit_sigma_m: [f64; 2],
     /// CLOCK_MONOTONIC; 0 if the registration was lost and the suit has sent no sample since.
     suit_time_ns: u64,
     suit_counter: u64,
     suit_period_ns: u64,
-    /// Lag of the suit's stamps behind the ground's, s; absent in older files.
-    #[serde(default)]
+    /// Lag of the suit's stamps behind the ground's, s.
     suit_lag_s: f64,
 }
 
@@ -163,7 +154,7 @@ impl StationFile {
     /// [`Refused`].
     pub fn read(path: &Path) -> Result<Option<StationFile>, Refused> {
         let refused = |reason: String| Refused { path: path.to_owned(), reason };
-        let read = stored_file::read(path, &FORMATS).map_err(|refusal| match refusal {
+        let read = stored_file::read(path, FORMAT).map_err(|refusal| match refusal {
             Refusal::Io(error) => refused(format!("it cannot be read: {error}")),
             Refusal::Content(reason) => refused(reason),
         })?;
@@ -290,7 +281,7 @@ impl RegistrationPart {
 
     /// Whether it was estimated with the configured frames of the ground devices.
     pub fn is_in_frames_of(&self, config: &Config) -> bool {
-        self.frames.is_empty() || self.frames == frames_of(config)
+        self.frames == frames_of(config)
     }
 
     /// The registration, which the loop compares with the first suit sample.
@@ -333,10 +324,6 @@ impl RegistrationPart {
             suit_lag_s,
         })
     }
-}
-
-fn is_empty(levers_nm: &[[f64; 2]; 2]) -> bool {
-    *levers_nm == [[0.0; 2]; 2]
 }
 
 fn plate_of(config: &Config) -> String {
@@ -410,10 +397,21 @@ mod tests {
         assert_eq!(file.loaded_subject(&config), Some(""), "unnamed is not the configured subject");
         assert_eq!(SubjectPart::of("a", &config), None);
         assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(copy.registration));
-        for (change, reason) in [("format = 4", "format = 5"), ("format", "formats"), ("station", "= =")] {
-            fs::write(&path, file.to_toml().unwrap().replacen(change, reason, 1)).unwrap();
+        for (change, reason) in [
+            ("format = 4", "format = 3"),
+            ("format = 4", "format = 5"),
+            ("format", "formats"),
+            ("station", "= ="),
+        ] {
+            let text = file.to_toml().unwrap().replacen(change, reason, 1);
+            fs::write(&path, &text).unwrap();
             assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
         }
+        // The first format had no checksum.
+        fs::write(&path, "format = 1\nstation = \"s\"\nsaved_unix_s = 1\n").unwrap();
+        let refusal = StationFile::read(&path).unwrap_err().to_string();
+        assert!(refusal.contains("its format is 1, this version reads format 4 only"), "{refusal}");
     }
 
     #[test]

@@ -1,9 +1,11 @@
 //! Writes the status of this daemon for other processes ([`equipoise_station::status`]).
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use equipoise_files::{Existing, write_regular};
 use equipoise_station::proc::MemoryUse;
 use equipoise_station::status::{Status, path_of};
 
@@ -81,7 +83,7 @@ impl StatusFile {
         }
         let text = serde_json::to_string_pretty(&facts.status)?;
         let new = self.path.with_extension("json.new");
-        std::fs::write(&new, text)?;
+        write_regular(&new, Existing::Truncate, 0o666)?.write_all(text.as_bytes())?;
         std::fs::rename(&new, &self.path)
     }
 

@@ -2,7 +2,6 @@
 //! damage by a failing disk, a truncated copy or an editor is detected and the file is refused.
 
 use std::io;
-use std::ops::RangeInclusive;
 use std::path::Path;
 
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
@@ -12,15 +11,6 @@ use equipoise_files::Sha256;
 
 /// Prefix of the last line, which is a TOML comment.
 const CHECKSUM_PREFIX: &str = "# sha256 of all above: ";
-
-/// Format numbers of a kind of file.
-#[derive(Debug, Clone)]
-pub struct Formats {
-    /// Supported formats; the last one is written.
-    pub read: RangeInclusive<u32>,
-    /// The first format with a checksum.
-    pub sealed_since: u32,
-}
 
 /// Reasons to refuse a file.
 #[derive(Debug, thiserror::Error)]
@@ -42,30 +32,28 @@ pub fn sealed(mut text: String) -> String {
     text + &seal
 }
 
-/// Reads a file; `None` if it does not exist.
+/// Reads a file of this format; `None` if it does not exist.
 ///
 /// # Errors
 /// [`Refusal`].
-pub fn read<T: DeserializeOwned>(path: &Path, formats: &Formats) -> Result<Option<T>, Refusal> {
+pub fn read<T: DeserializeOwned>(path: &Path, format: u32) -> Result<Option<T>, Refusal> {
     match read_text(path, TEXT_BYTES_MAX) {
-        Ok(text) => parse(&text, formats).map(Some).map_err(Refusal::Content),
+        Ok(text) => parse(&text, format).map(Some).map_err(Refusal::Content),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error.into()),
     }
 }
 
-fn parse<T: DeserializeOwned>(text: &str, formats: &Formats) -> Result<T, String> {
+fn parse<T: DeserializeOwned>(text: &str, format: u32) -> Result<T, String> {
     let message = |error: toml::de::Error| error.message().to_owned();
-    // Check the format number first: the fields of a later version are unknown.
+    // Check the format number first: the fields of another format are unknown, and it may have another checksum.
     let table: toml::Table = text.parse().map_err(message)?;
-    let format = table.get("format").and_then(toml::Value::as_integer);
-    let version = format.and_then(|format| u32::try_from(format).ok()).filter(|it| formats.read.contains(it));
-    let Some(version) = version else {
-        let format = format.map_or("missing".to_owned(), |format| format.to_string());
-        let (first, last) = (formats.read.start(), formats.read.end());
-        return Err(format!("its format is {format}, this version reads {first} to {last}"));
-    };
-    if version >= formats.sealed_since && !is_checksum_valid(text) {
+    let found = table.get("format").and_then(toml::Value::as_integer);
+    if found != Some(i64::from(format)) {
+        let found = found.map_or("missing".to_owned(), |found| found.to_string());
+        return Err(format!("its format is {found}, this version reads format {format} only"));
+    }
+    if !is_checksum_valid(text) {
         return Err(
             "its checksum is not that of its content: it was damaged, cut or changed by hand".to_owned()
         );
@@ -82,17 +70,17 @@ fn is_checksum_valid(text: &str) -> bool {
 mod tests {
     use super::*;
 
-    const FORMATS: Formats = Formats { read: 1..=3, sealed_since: 2 };
+    const FORMAT: u32 = 3;
 
     fn stored(text: &str) -> String {
-        parse::<toml::Table>(text, &FORMATS).map_or_else(|reason| reason, |_| "read".to_owned())
+        parse::<toml::Table>(text, FORMAT).map_or_else(|reason| reason, |_| "read".to_owned())
     }
 
     #[test]
     fn any_changed_byte_invalidates_the_checksum() {
-        let text = sealed("format = 2\nmass_kg = 71.5\n".to_owned());
-        assert_eq!(parse::<toml::Table>(&text, &FORMATS).unwrap()["mass_kg"].as_float(), Some(71.5));
-        assert_eq!(stored(&text.replace("71.5", "75.1")), stored("format = 2\n"));
+        let text = sealed("format = 3\nmass_kg = 71.5\n".to_owned());
+        assert_eq!(parse::<toml::Table>(&text, FORMAT).unwrap()["mass_kg"].as_float(), Some(71.5));
+        assert_eq!(stored(&text.replace("71.5", "75.1")), stored("format = 3\n"));
         assert!(stored(&text.replace("71.5", "75.1")).contains("checksum"));
         let length_signed = text.trim_end().len();
         for length in 0..length_signed {
@@ -102,9 +90,13 @@ mod tests {
     }
 
     #[test]
-    fn files_without_checksum_are_read_and_a_later_format_is_reported_first() {
-        assert_eq!(stored("format = 1\n"), "read");
-        assert_eq!(stored("format = 4\n"), "its format is 4, this version reads 1 to 3");
+    fn another_format_is_refused_with_and_without_a_checksum() {
+        for format in [1, 2, 4] {
+            let refusal = format!("its format is {format}, this version reads format 3 only");
+            let text = format!("format = {format}\n");
+            assert_eq!(stored(&text), refusal);
+            assert_eq!(stored(&sealed(text)), refusal);
+        }
         assert!(stored("a = 1\n").contains("format is missing"));
         assert!(stored("format = -1\n").contains("-1"));
     }

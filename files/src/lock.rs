@@ -2,13 +2,13 @@
 //!
 //! The kernel releases the lock at the end of the process, however it ends.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, TryLockError};
 use std::io::{Error, ErrorKind, Result, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use crate::atomic_file::MODE;
-use crate::read_text;
+use crate::{Existing, read_text, write_regular};
 
 /// Maximum length of a holder's description.
 const HOLDER_BYTES_MAX: u64 = 1024;
@@ -29,10 +29,8 @@ impl FileLock {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder)?;
         }
-        let mut options = OpenOptions::new();
-        options.read(true).write(true).create(true).truncate(false).mode(MODE);
         loop {
-            let file = options.open(path)?;
+            let file = write_regular(path, Existing::Keep, MODE)?;
             match file.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {

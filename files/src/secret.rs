@@ -126,6 +126,15 @@ pub fn read_for(path: &Path, readers: Readers) -> Result<String, SecretError> {
     }
 }
 
+/// The group whose members can read a file; `None` if its mode excludes the group.
+///
+/// # Errors
+/// The system's error, or the file is not regular.
+pub fn group_of_readers(path: &Path) -> std::io::Result<Option<u32>> {
+    let (_, facts) = open_regular_by(path, Links::Refuse)?;
+    Ok((facts.mode() & 0o040 != 0).then_some(facts.gid()))
+}
+
 /// Checks that only `user`, root and `readers` can read or change a file of this owner and mode.
 fn check(path: &Path, owner: u32, mode: u32, user: u32, readers: Readers) -> Result<(), SecretError> {
     let (path, mode_max) = (path.to_owned(), readers.mode_max());
@@ -194,6 +203,9 @@ mod tests {
         std::fs::write(&real, "secret").unwrap();
         std::fs::set_permissions(&real, std::fs::Permissions::from_mode(0o640)).unwrap();
         assert_eq!(read_for(&real, Readers::Group).unwrap(), "secret");
+        let group = std::fs::metadata(&real).unwrap().gid();
+        assert_eq!(group_of_readers(&real).unwrap(), Some(group));
+        assert_eq!(group_of_readers(file("secret", 0o600).path()).unwrap(), None);
         assert!(read(&real).unwrap_err().to_string().contains("chmod 0600"));
         std::os::unix::fs::symlink(&real, &link).unwrap();
         let refusal = read(&link).unwrap_err().to_string();

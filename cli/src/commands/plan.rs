@@ -199,7 +199,7 @@ fn stored_subject(config: &Config, id: &str) -> anyhow::Result<Stored> {
         bail!(mass_unknown(id));
     }
     let is_configured = config.subject.id == id;
-    let config = if is_configured { config.clone() } else { config.with_subject(id, profile.build()) };
+    let config = if is_configured { config.clone() } else { config.with_subject(id, Some(profile.build())) };
     let settings = config.settings();
     let worker = profile
         .worker(&settings)

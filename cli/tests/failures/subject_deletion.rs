@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use equipoise_daemon::stored_file::sealed;
 use rustix::process::Signal;
 
 use crate::monitor::Monitor;
@@ -148,9 +149,9 @@ fn a_subject_is_found_in_the_daemon_s_state_directory() {
     // The daemon writes only the file in its own state directory, so the deletion clears this one.
     let former = own.join("stations").join(format!("{NAME}.toml"));
     std::fs::create_dir_all(own.join("stations")).expect("a folder");
-    let text = format!(
-        "format = 1\nstation = \"{NAME}\"\nsaved_unix_s = 1\n[subject]\nin_use = \"anon-1\"\nconfigured = \"x\"\n"
-    );
+    let text = sealed(format!(
+        "format = 4\nstation = \"{NAME}\"\nsaved_unix_s = 1\n[subject]\nin_use = \"anon-1\"\nconfigured = \"x\"\n"
+    ));
     std::fs::write(&former, text).expect("a file");
     let message = station.run(&["subject", "delete", "anon-1"]);
     assert!(

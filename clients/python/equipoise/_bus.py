@@ -77,7 +77,7 @@ def _close_counters_to_others(root: str) -> None:
     """iceoryx2 lets everybody write to its counter of participants; on a root of our own it is for its owner alone."""
     prefix = shared_memory_prefix(root)
     if prefix == shared_memory_prefix(table.DEFAULT_ROOT):
-        return  # Shared with whatever else speaks iceoryx2 here.
+        return  # Shared with every other user of iceoryx2 here.
     try:
         names = os.listdir("/dev/shm")
     except OSError:

@@ -19,7 +19,7 @@ pub struct MqttConfig {
     /// Messages a second, 0.1 to 10.
     #[serde(default = "default_rate_hz")]
     pub rate_hz: f64,
-    /// File with the certificate of who signed the broker's (PEM). With it the connection is TLS.
+    /// File with the certificate of the authority that signed the broker's (PEM). With it the connection is TLS.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ca_file: Option<PathBuf>,
     /// File with `name:password`, readable by its owner only.
@@ -71,8 +71,8 @@ impl MqttConfig {
         if self.ca_file.is_none() && !self.insecure && !self.is_local() {
             return wrong(
                 "gateways.mqtt.ca_file",
-                "the broker is another machine: name the certificate of who signed its own, or say insecure = true if \
-                 everybody on the way may read and change what is sent",
+                "the broker is another machine: name the certificate of the authority that signed its own, or set \
+                 insecure = true if every machine on the path may read and change the messages",
             );
         }
         if self.certificate_file.is_some() != self.key_file.is_some() {
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn other_machines_are_spoken_to_by_tls_unless_it_is_said() {
+    fn other_machines_need_tls_unless_insecure_is_set() {
         for local in ["localhost", "127.0.0.1", "::1"] {
             assert_eq!(refused(&format!("broker = \"{local}\"")), None);
         }

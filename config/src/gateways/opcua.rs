@@ -47,7 +47,7 @@ impl OpcUaConfig {
         self.listen.ip().is_loopback()
     }
 
-    /// Whether who names no user may read.
+    /// Whether clients without a user name may read.
     pub fn lets_anonymous_read(&self) -> bool {
         self.anonymous.unwrap_or_else(|| self.is_local())
     }

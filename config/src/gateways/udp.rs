@@ -10,7 +10,7 @@ use super::{Checked, between};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UdpConfig {
-    /// Who gets the datagrams.
+    /// Addresses of the receivers.
     pub to: Vec<SocketAddr>,
     /// Datagrams a second, 50 to 1000.
     #[serde(default = "default_rate_hz")]

@@ -3,7 +3,7 @@
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place, TERMS_MAX};
 
-use super::limits::{SHAPES, TIME_MAX_S, largest};
+use super::limits::{LOG_ODDS_MAX, SHAPES, SIGMA_MAX, TIME_MAX_S, largest};
 use super::text::{self, HANDS, Raw, RawEffect, RawParameter};
 use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
 
@@ -76,8 +76,8 @@ fn fitted(raw: RawEffect) -> Result<Fitted, Refusal> {
     };
     let place = place(&raw, effect)?;
     check_span("span_s", raw.span_s)?;
-    if !raw.log_odds.is_finite() {
-        return refuse("log_odds", "must be a finite number");
+    if !(-LOG_ODDS_MAX..=LOG_ODDS_MAX).contains(&raw.log_odds) {
+        return refuse("log_odds", format!("{} is not between -1e12 and 1e12", raw.log_odds));
     }
     let (shape, shape_sigma) = shape(&raw, effect)?;
     let (value, sigma) = values(&raw, effect, shape)?;
@@ -133,7 +133,6 @@ fn shape(raw: &RawEffect, effect: Effect) -> Result<(f64, f64), Refusal> {
             refuse(&format!("parameters.{name}"), "must be given")
         };
     };
-    check_parameter(name, written, text::shape_unit(effect))?;
     let [lag, cutoff, frequency, time_constant] = SHAPES;
     let [min, max] = match effect {
         Effect::SuitLag => lag,
@@ -141,7 +140,7 @@ fn shape(raw: &RawEffect, effect: Effect) -> Result<(f64, f64), Refusal> {
         Effect::PeriodicSway => frequency,
         _ => time_constant,
     };
-    within(name, written.value, min, max)?;
+    check_parameter(name, written, text::shape_unit(effect), [min, max])?;
     Ok((written.value, written.sigma))
 }
 
@@ -163,30 +162,29 @@ fn values(
     let (mut value, mut sigma) = ([0.0; PARAMETERS_MAX], [0.0; PARAMETERS_MAX]);
     for (index, parameter) in parameters.iter().enumerate() {
         let Some(written) = raw.parameters.get(parameter.name) else { continue };
-        check_parameter(parameter.name, written, parameter.unit)?;
         let max = largest(parameter.unit);
-        within(parameter.name, written.value, -max, max)?;
+        check_parameter(parameter.name, written, parameter.unit, [-max, max])?;
         (value[index], sigma[index]) = (written.value, written.sigma);
     }
     Ok((value, sigma))
 }
 
-fn check_parameter(name: &str, written: &RawParameter, unit: &str) -> Result<(), Refusal> {
+fn check_parameter(
+    name: &str,
+    written: &RawParameter,
+    unit: &str,
+    [min, max]: [f64; 2],
+) -> Result<(), Refusal> {
     if written.unit != unit {
         return refuse(&format!("parameters.{name}.unit"), format!("`{}` must be `{unit}`", written.unit));
     }
-    if !(written.sigma >= 0.0 && written.sigma.is_finite()) {
-        return refuse(
-            &format!("parameters.{name}.sigma"),
-            format!("{} must be a finite number, at least 0", written.sigma),
-        );
+    for (key, number, min, max) in
+        [("sigma", written.sigma, 0.0, SIGMA_MAX * max), ("value", written.value, min, max)]
+    {
+        if !(min..=max).contains(&number) {
+            let what = format!("{number} is not between {min} and {max}");
+            return refuse(&format!("parameters.{name}.{key}"), what);
+        }
     }
     Ok(())
-}
-
-fn within(name: &str, value: f64, min: f64, max: f64) -> Result<(), Refusal> {
-    if (min..=max).contains(&value) {
-        return Ok(());
-    }
-    refuse(&format!("parameters.{name}.value"), format!("{value} is not between {min} and {max}"))
 }

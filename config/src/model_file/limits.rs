@@ -19,6 +19,10 @@ const LARGEST: [(&str, f64); 8] = [
     ("Hz", 500.0),
     ("", 1.5),
 ];
+/// Largest 1-σ of a parameter, in units of its largest value: beyond, the recording does not determine the parameter.
+pub(super) const SIGMA_MAX: f64 = 100.0;
+/// Largest log Bayes factor, nats: a hundred per sample of a suit at 240 Hz over a year.
+pub(super) const LOG_ODDS_MAX: f64 = 1e12;
 /// Largest turn, step, standing, separation and information of a request in a model file. °, m, s, σ, nats.
 pub(super) const ASK_MAX: [f64; 5] = [180.0, 1.0, 3600.0, 1e9, 1e3];
 

@@ -104,7 +104,11 @@ const INVALID: &[(&str, &str, &str)] = &[
         "hand = \"right\"",
         "effect 1, where: worn_mass does not act there; it takes where = { segment",
     ),
-    ("segment =", "sgement =", "m.toml, line 13, effect 1: `sgement` is not known; did you mean `segment`?"),
+    (
+        "segment =",
+        "sgement =",
+        "m.toml, line 13, effect 1: `sgement` is not known; did you mean `segment`?",
+    ),
     (
         "where = { segment = \"T8\" }",
         "where = { segment = \"T8\", hand = \"left\" }",
@@ -117,7 +121,8 @@ const INVALID: &[(&str, &str, &str)] = &[
     ),
     ("[120.0, 640.0]", "[640.0, 120.0]", "m.toml, effect 1, span_s: [640, 120] is not a span"),
     ("[120.0, 640.0]", "[nan, 120.0]", "effect 1, span_s: [NaN, 120] is not a span"),
-    ("83.0", "inf", "m.toml, effect 1, log_odds: must be a finite number"),
+    ("83.0", "inf", "m.toml, effect 1, log_odds: inf is not between -1e12 and 1e12"),
+    ("83.0", "-2e12", "effect 1, log_odds: -2000000000000 is not between"),
     (
         "parameters.mass_kg]",
         "parameters.mas_kg]",
@@ -132,8 +137,11 @@ const INVALID: &[(&str, &str, &str)] = &[
     (
         "sigma = 0.05",
         "sigma = -0.05",
-        "m.toml, effect 1, parameters.mass_kg.sigma: -0.05 must be a finite number",
+        "m.toml, effect 1, parameters.mass_kg.sigma: -0.05 is not between 0 and 15000",
     ),
+    ("sigma = 0.05", "sigma = 20000.0", "parameters.mass_kg.sigma: 20000 is not between 0 and 15000"),
+    ("sigma = 0.05", "sigma = inf", "parameters.mass_kg.sigma: inf is not between"),
+    ("sigma = 5.0", "sigma = 2e7", "parameters.tau_s.sigma: 20000000 is not between 0 and 10000000"),
     ("unit = \"kg\"", "unit = \"g\"", "m.toml, effect 1, parameters.mass_kg.unit: `g` must be `kg`"),
     (
         "value = 40.0",

@@ -149,7 +149,7 @@ impl Memory {
         let (shift_m, sigma_m) = (registration.station_from_suit_m, registration.station_from_suit_sigma_m);
         let sound = registration.suit_time_ns > 0
             && registration.suit_period_ns > 0
-            && registration.station_from_suit_rad.is_finite()
+            && registration.station_from_suit_rad.abs() <= core::f64::consts::PI
             && (0.0..=core::f64::consts::PI).contains(&registration.station_from_suit_sigma_rad)
             && registration.suit_lag_s.abs() < LAG_MAX_S
             && shift_m.iter().all(|metres| metres.is_finite() && metres.abs() < SHIFT_MAX_M)

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::message::ground::COP_MIN_VERTICAL_N;
+use crate::message::ground::{COP_MIN_VERTICAL_N, WRENCH_MAX};
 use crate::message::{FootFrame, GroundDevice, GroundSample};
 
 /// Mean wrench of the empty plate, and of each foot's plate if there are two.
@@ -18,7 +18,7 @@ use crate::message::{FootFrame, GroundDevice, GroundSample};
 pub struct Tare {
     /// Force, N.
     pub force_n: [f64; 3],
-    /// Snapshot about the world's origin, N m.
+    /// Moment about the world's origin, N m.
     pub moment_nm: [f64; 3],
     /// Vertical force of the left and the right foot's plate, N; zero if feet are not measured.
     pub foot_vertical_n: [f64; 2],
@@ -104,9 +104,9 @@ impl Tare {
         GroundSample { foot_vertical_n, foot_cop_m, ..whole }
     }
 
-    /// Whether every number is finite; a stored tare is checked before use.
+    /// Whether every number is within any plate's range; a stored tare is checked before use.
     pub fn is_sound(&self) -> bool {
-        self.numbers().all(f64::is_finite)
+        self.numbers().all(|number| number.abs() < WRENCH_MAX)
     }
 
     fn numbers(&self) -> impl Iterator<Item = f64> {
@@ -140,6 +140,8 @@ mod tests {
         let standing = tare.subtract_from(&plates([313.0, 396.0]));
         assert_eq!((standing.foot_vertical_n, standing.force_n), ([300.0, 400.0], [0.0, 0.0, 700.0]));
         assert!(standing.has_feet() && tare.is_sound());
+        assert!(!Tare { force_n: [0.0, 0.0, -1e6], ..tare }.is_sound());
+        assert!(!Tare { foot_lever_nm: [[0.0; 2], [0.0, f64::NAN]], ..tare }.is_sound());
     }
 
     #[test]

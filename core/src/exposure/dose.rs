@@ -30,10 +30,14 @@ use bytemuck::{Pod, Zeroable};
 use super::held_peak::HeldPeak;
 use super::{Carried, Load};
 use crate::math;
+use crate::message::ground::WRENCH_MAX;
 use crate::overload::GRAVITY_M_PER_S2;
 
 /// Minimum duration of a lift, and of a rest that ends one, s: shorter episodes are mere contacts.
 pub const LIFT_MIN_S: f64 = 0.5;
+
+/// Maximum duration of a lift, s: a year.
+const CARRIED_MAX_S: f64 = 366.0 * 86_400.0;
 
 /// Number of lifts stored individually: they can be undone, and a consumer that reads twice per second receives all of
 /// them.
@@ -86,11 +90,17 @@ pub struct Dose {
 impl Lift {
     /// Whether every number is in range; a stored one is checked before use.
     pub fn is_sound(&self) -> bool {
-        let [mass_kg, sigma_kg] = self.mass_kg;
-        let numbers = [self.carried_s, mass_kg, sigma_kg, self.distance_m, self.damage];
-        numbers.iter().all(|number| number.is_finite() && *number >= 0.0)
-            && self.damage <= 1.0
-            && self.undone <= 1
+        let [weight_n, sigma_n] = self.mass_kg.map(|kg| kg * GRAVITY_M_PER_S2);
+        // Weight and moment are measured by a plate.
+        let bounded = [
+            (self.carried_s, CARRIED_MAX_S),
+            (weight_n, WRENCH_MAX),
+            (sigma_n, WRENCH_MAX),
+            (weight_n * self.distance_m, WRENCH_MAX),
+            (self.distance_m, f64::MAX),
+            (self.damage, 1.0),
+        ];
+        bounded.iter().all(|(number, most)| (0.0..=*most).contains(number)) && self.undone <= 1
     }
 }
 
@@ -300,6 +310,24 @@ mod tests {
         while dose.undo_lift() {}
         assert_eq!((dose.lifts, dose.damage), (0, 0.0));
         assert!(dose.is_sound());
+    }
+
+    #[test]
+    fn a_lift_beyond_a_plate_s_range_is_unsound() {
+        let lift =
+            Lift { number: 1, carried_s: 2.0, mass_kg: [8.0, 0.5], distance_m: 0.4, ..Zeroable::zeroed() };
+        assert!(lift.is_sound());
+        for unsound in [
+            Lift { carried_s: 4e7, ..lift },
+            Lift { mass_kg: [2e5, 0.5], ..lift },
+            Lift { mass_kg: [8.0, 2e5], ..lift },
+            Lift { mass_kg: [8.0, -0.5], ..lift },
+            Lift { distance_m: 2e4, ..lift },
+            Lift { distance_m: f64::NAN, ..lift },
+            Lift { damage: 1.1, ..lift },
+        ] {
+            assert!(!unsound.is_sound(), "{unsound:?}");
+        }
     }
 
     #[test]

@@ -145,7 +145,7 @@ const FEET_SUM_TOLERANCE: (f64, f64) = (5.0, 0.02);
 pub const COP_MIN_VERTICAL_N: f64 = 20.0;
 
 /// Maximum of any plate's range, N and N m.
-const WRENCH_MAX: f64 = 1e6;
+pub(crate) const WRENCH_MAX: f64 = 1e6;
 /// Maximum distance of a plate from the origin, m.
 const HEIGHT_MAX_M: f64 = 1e4;
 

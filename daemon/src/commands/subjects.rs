@@ -62,7 +62,7 @@ pub(super) fn load(
     let Some(profile) = profile else {
         return load_without_profile(&id, ends, active_configuration, subjects, &mut changes, active);
     };
-    active.loaded = (!configured).then(|| LoadedSubject { id: id.clone(), build: profile.build() });
+    active.loaded = (!configured).then(|| LoadedSubject { id: id.clone(), build: Some(profile.build()) });
     let settings = active.settings();
     let mut worker = bytemuck::zeroed_box::<SubjectState>();
     worker.identification =
@@ -80,18 +80,14 @@ pub(super) fn load(
     let (poses, mass_kg) = (worker.identification.poses_used, worker.identification.mass_kg);
     let destination = ProfileDestination {
         experience: profile.experience(),
-        ..ProfileDestination::of(subjects.state(), &id, profile.build(), save)
+        ..ProfileDestination::of(subjects.state(), &id, Some(profile.build()), save)
     };
     // The loop applies a command before settings: for one cycle the worker has the limits of the subject before, while
     // `model_changed` withholds the torques.
     active_configuration
         .apply(&mut changes, active, || push_worker(ends, subjects, worker, destination))
         .map_err(|error| format!("{id} is not loaded: {error:#}"))?;
-    let assumed = match (configured, profile.build()) {
-        (false, None) => "; its profile lacks stature and sex, those of the configuration are assumed",
-        _ => "",
-    };
-    Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}{assumed}"))
+    Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}"))
 }
 
 /// Claims the files of a subject, which another daemon may have in use.

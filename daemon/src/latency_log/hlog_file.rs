@@ -1,18 +1,17 @@
 //! The interval log on disk: contains complete lines only, even after write errors.
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
 use equipoise_core::message::CycleRecord;
+use equipoise_files::atomic_file::MODE;
+use equipoise_files::{Existing, write_regular};
 use equipoise_latency::{HlogWriter, PathHistograms};
 
 /// Interval of the entries of each stage.
 const INTERVAL: Duration = Duration::from_secs(10);
-/// Owner writes, group reads.
-const MODE: u32 = 0o640;
 
 /// The interval log of one daemon process. Lines that cannot be written are retried after an interval.
 pub struct HlogFile {
@@ -87,9 +86,7 @@ impl HlogFile {
     fn write_lines(&mut self) -> io::Result<()> {
         let file = match &mut self.file {
             Some(file) => file,
-            none => none.insert(
-                OpenOptions::new().write(true).create(true).truncate(true).mode(MODE).open(&self.path)?,
-            ),
+            none => none.insert(write_regular(&self.path, Existing::Truncate, MODE)?),
         };
         let lines = self.lines.writer_mut();
         if let Err(error) = file.write_all(lines) {
@@ -108,6 +105,7 @@ impl HlogFile {
 mod tests {
     use super::*;
     use bytemuck::Zeroable;
+    use rustix::fs::{CWD, Mode, mkfifoat};
 
     fn cycle(number: u64) -> CycleRecord {
         let due_ns = number * 1_000_000;
@@ -150,13 +148,23 @@ mod tests {
     }
 
     #[test]
+    fn a_pipe_instead_of_the_file_is_an_error_and_does_not_block() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.hlog");
+        mkfifoat(CWD, &path, Mode::RUSR | Mode::WUSR).unwrap();
+        let mut hlog = HlogFile::new(&path);
+        let refusal = hlog.write_if_due(false).unwrap().unwrap_err().to_string();
+        assert!(refusal.contains("no regular file"), "{refusal}");
+    }
+
+    #[test]
     fn a_full_disk_is_an_error_each_time() {
         let path = Path::new("/dev/full");
-        if !path.exists() {
+        let Ok(full) = File::options().write(true).open(path) else {
             println!("skipped: there is no /dev/full here");
             return;
-        }
-        let mut hlog = HlogFile::new(path);
+        };
+        let mut hlog = HlogFile { file: Some(full), ..HlogFile::new(path) };
         for number in 1..=3 {
             hlog.record(&cycle(number));
             assert!(hlog.write_if_due(true).unwrap().is_err());

@@ -96,7 +96,7 @@ impl Restored {
     fn loaded_subject(&mut self, loaded: &str, active: &mut ActiveConfiguration, subjects: &Subjects) {
         let mut destination = ProfileDestination::of(subjects.state(), loaded, None, true);
         let settings_of = |profile: &Profile| {
-            let subject = LoadedSubject { id: loaded.to_owned(), build: profile.build() };
+            let subject = LoadedSubject { id: loaded.to_owned(), build: Some(profile.build()) };
             ActiveConfiguration { loaded: Some(subject), ..active.clone() }.settings()
         };
         let in_order = |reason: String| format!("{reason}; put its profile in order and restart");
@@ -104,7 +104,8 @@ impl Restored {
             Err(in_use) => format!("{in_use}; load it again once that station has another one"),
             Ok(_claim) => match self.read(&destination, settings_of) {
                 Ok(Some(profile)) => {
-                    (destination.build, destination.experience) = (profile.build(), profile.experience());
+                    (destination.build, destination.experience) =
+                        (Some(profile.build()), profile.experience());
                     active.loaded = Some(LoadedSubject { id: loaded.to_owned(), build: destination.build });
                     self.worker = subjects.add(destination);
                     return subjects.activate(self.worker);
@@ -259,7 +260,7 @@ mod tests {
 
     use super::*;
     use crate::profile::example;
-    use crate::station_file::SubjectPart;
+    use crate::station_file::{SubjectPart, TarePart};
 
     fn config() -> Config {
         let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
@@ -369,6 +370,21 @@ mod tests {
         };
         assert_eq!(restored_n("alice", 70.0), 18.0);
         assert_eq!((restored_n("bob", 70.0), restored_n("alice", 71.0)), (0.0, 0.0));
+    }
+
+    #[test]
+    fn a_tare_beyond_the_range_of_any_plate_is_not_used() {
+        for (vertical_n, used) in [(41.0, true), (2e6, false)] {
+            let mut stored = bytemuck::zeroed_box::<StoredState>();
+            stored.tare.force_n[2] = vertical_n;
+            let tare = TarePart::of(&stored.tare, unix_s(), &config());
+            let file = StationFile { tare, ..StationFile::new("s") };
+            let (.., restored) = restore(None, Some(&file.to_toml().unwrap()));
+            assert_eq!(restored.memory.tare().force_n[2], if used { vertical_n } else { 0.0 });
+            let messages = restored.messages.join("\n");
+            let refusal = "the tare is not used: a number of it is out of range";
+            assert_eq!(messages.contains(refusal), !used, "{messages}");
+        }
     }
 
     #[test]

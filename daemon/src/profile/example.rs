@@ -1,5 +1,6 @@
 //! Profiles for tests.
 
+use equipoise_config::method::{Build, SexConfig};
 use equipoise_core::body::{SEGMENTS, Skeleton};
 use equipoise_core::cycle::identification::StoredSubject;
 use equipoise_core::cycle::{Identification, Settings};
@@ -22,6 +23,7 @@ pub(crate) fn text(subject: &str, lifts: u64, settings: &Settings) -> String {
     worker.store(&mut stored);
     stored.poses_used = lifts;
     let shift = Shift { lifts, ended: lifts, ..bytemuck::Zeroable::zeroed() };
-    let profile = Profile::of(subject, None, &stored, &shift, &Experience::default(), unix_s()).unwrap();
+    let build = Build { height_m: settings.height_m, sex: SexConfig::Unstated };
+    let profile = Profile::of(subject, build, &stored, &shift, &Experience::default(), unix_s()).unwrap();
     profile.to_toml().unwrap()
 }

@@ -11,6 +11,11 @@ use equipoise_core::handover::experience::Handover;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use serde::{Deserialize, Serialize};
 
+/// Maximum number of lifts of a shift: one a second for a century.
+const LIFTS_MAX: u64 = u32::MAX as u64;
+/// Rounding error of a damage, as a fraction: a sum of lifts less the undone ones.
+const DAMAGE_ROUNDING: f64 = 1e-9;
+
 /// Resolution of the stored fatigue: steps from 0 to 1.
 const FATIGUE_STEPS: f64 = 1e4;
 
@@ -86,12 +91,11 @@ pub(super) struct ShiftPart {
     /// Damage of the low back (LiFFT).
     damage: f64,
     lifts: u64,
-    /// Number of completed lifts, including undone ones; absent before format 4.
-    #[serde(default)]
+    /// Number of completed lifts, including undone ones.
     ended: u64,
     /// By joint; zero for joints that are not listed.
     fatigue: BTreeMap<String, f64>,
-    /// Lifts that can be undone; absent before format 4.
+    /// Lifts that can be undone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     lift: Vec<LiftPart>,
 }
@@ -170,32 +174,51 @@ impl ShiftPart {
     /// no dose is lost.
     ///
     /// # Errors
-    /// Why the shift has ended or is implausible.
+    /// Why the shift has ended, or [`ShiftPart::check`].
     pub(super) fn shift(&self, now_unix_s: u64) -> Result<(Shift, Option<u64>), String> {
         let age_s = now_unix_s.checked_sub(self.saved_unix_s);
         if let Some(age_s) = age_s.filter(|age_s| *age_s >= SHIFT_ENDS_S) {
             return Err(format!("the last one ended {:.1} h ago", age_s as f64 / 3600.0));
         }
-        let mut fatigue = [0.0; JOINTS];
-        for (name, value) in &self.fatigue {
-            let joint = Joint::named(name).ok_or_else(|| format!("there is no joint {name}"))?;
-            fatigue[joint.index()] = *value;
+        Ok((self.check()?, age_s))
+    }
+
+    /// Checks all numbers; returns the shift.
+    ///
+    /// # Errors
+    /// Which number is out of range.
+    pub(super) fn check(&self) -> Result<Shift, String> {
+        let &ShiftPart { damage, lifts, ended, .. } = self;
+        if lifts > ended || ended > LIFTS_MAX {
+            return Err(format!("its count of {lifts} lifts of {ended} is out of range"));
         }
         let mut latest = [Lift::zeroed(); LATEST_LIFTS];
         for part in &self.lift {
-            let is_last = (1..=self.ended).contains(&part.number)
-                && self.ended - part.number < LATEST_LIFTS as u64
+            let is_last = (1..=ended).contains(&part.number)
+                && ended - part.number < LATEST_LIFTS as u64
                 && part.lift().is_sound();
             if !is_last {
                 return Err(format!("its lift {} is out of range", part.number));
             }
             latest[(part.number - 1) as usize % LATEST_LIFTS] = part.lift();
         }
-        let is_plausible = self.damage.is_finite()
-            && self.damage >= 0.0
-            && fatigue.iter().all(|fatigue| (0.0..=1.0).contains(fatigue));
-        let shift = Shift { fatigue, damage: self.damage, lifts: self.lifts, ended: self.ended, latest };
-        is_plausible.then_some((shift, age_s)).ok_or_else(|| "a number of it is out of range".to_owned())
+        // Beyond the listed lifts, each one damages between 0 and 1.
+        let counted = latest.iter().filter(|lift| lift.number > 0 && lift.undone == 0);
+        let (listed, least) = counted.fold((0, 0.0), |(count, sum), lift| (count + 1, sum + lift.damage));
+        let most = least + lifts.saturating_sub(listed) as f64;
+        let rounding = DAMAGE_ROUNDING * most.max(1.0);
+        if listed > lifts || !(0.0_f64.max(least - rounding)..=most + rounding).contains(&damage) {
+            return Err(format!("its damage of {damage} by {lifts} lifts is out of range"));
+        }
+        let mut fatigue = [0.0; JOINTS];
+        for (name, value) in &self.fatigue {
+            let joint = Joint::named(name).ok_or_else(|| format!("there is no joint {name}"))?;
+            if !(0.0..=1.0).contains(value) {
+                return Err(format!("its fatigue of {name} is out of range: {value}"));
+            }
+            fatigue[joint.index()] = *value;
+        }
+        Ok(Shift { fatigue, damage, lifts, ended, latest })
     }
 }
 
@@ -233,5 +256,21 @@ mod tests {
         assert!(other.shift(1_000_000).unwrap_err().contains("lift 5"));
         part.damage = f64::NAN;
         assert!(part.shift(1_000_000).unwrap_err().contains("out of range"));
+        let refusal = |change: &dyn Fn(&mut ShiftPart)| {
+            let mut part = ShiftPart::of(&shift, 1_000_000);
+            change(&mut part);
+            part.shift(1_000_000).unwrap_err()
+        };
+        // 15 of the 19 lifts are listed with a damage of 5e-4 each, so the others damage at most 4.
+        for damage in [0.0074, -0.01, 4.0076, f64::INFINITY] {
+            let refusal = refusal(&|part| part.damage = damage);
+            assert!(refusal.contains("by 19 lifts is out of range"), "{refusal}");
+        }
+        assert!(refusal(&|part| part.lifts = 14).contains("by 14 lifts is out of range"));
+        assert!(refusal(&|part| part.lifts = 22).contains("count of 22 lifts of 21"));
+        let century = refusal(&|part| part.ended = 1 << 32);
+        assert!(century.contains("is out of range"), "{century}");
+        assert!(refusal(&|part| part.lift[0].damage = 1.5).contains("its lift 17 is out of range"));
+        assert!(refusal(&|part| part.fatigue.values_mut().for_each(|value| *value = 1.5)).contains("1.5"));
     }
 }

@@ -5,15 +5,16 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs::{self, OpenOptions};
+use std::fs;
 use std::io::{self, Write as _};
-use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use equipoise_core::exposure::{Lift, Shift};
 use equipoise_core::time::NS_PER_S;
 use equipoise_files::atomic_file::MODE;
+use equipoise_files::{Existing, write_regular};
 use jiff::Timestamp;
 
 use crate::subjects::Subjects;
@@ -105,7 +106,7 @@ fn append(path: &Path, lines: &str) -> io::Result<()> {
     if let Some(directory) = path.parent() {
         fs::create_dir_all(directory)?;
     }
-    let mut file = OpenOptions::new().read(true).append(true).create(true).mode(MODE).open(path)?;
+    let mut file = write_regular(path, Existing::Append, MODE)?;
     let length = file.metadata()?.len();
     let before = match length.checked_sub(1) {
         None => HEADING,
@@ -131,6 +132,7 @@ mod tests {
 
     use super::*;
     use bytemuck::Zeroable;
+    use rustix::fs::{CWD, Mode, mkfifoat};
 
     use crate::subjects::{CONFIGURED, ProfileDestination};
 
@@ -191,6 +193,14 @@ mod tests {
         append(&path, "2\n").unwrap();
         append(&path, "3\n").unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), format!("{HEADING}1\n2026-11-2\n2\n3\n"));
+    }
+
+    #[test]
+    fn a_pipe_instead_of_the_file_is_an_error() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.lifts.csv");
+        mkfifoat(CWD, &path, Mode::RUSR | Mode::WUSR).unwrap();
+        assert!(append(&path, "1\n").unwrap_err().to_string().contains("no regular file"));
     }
 
     #[test]

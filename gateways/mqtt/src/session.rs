@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use bytes::BytesMut;
 use crossbeam_channel::bounded;
 use equipoise_files::secret::{self, Login, SecretError};
+use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use equipoise_gateways::config::MqttConfig;
 use rumqttc::{Connect, ConnectReturnCode, LastWill, Packet, PubAck, Publish, QoS};
 use rustls::pki_types::pem::PemObject;
@@ -120,7 +121,8 @@ fn tls(ca_file: &Path, config: &MqttConfig) -> Result<(Arc<ClientConfig>, Server
 }
 
 fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, TargetError> {
-    let all = CertificateDer::pem_file_iter(path).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+    let text = read_text(path, TEXT_BYTES_MAX).map_err(|error| pem(path, error.to_string()))?;
+    let all = CertificateDer::pem_slice_iter(text.as_bytes()).collect::<Result<Vec<_>, _>>();
     let all = all.map_err(|error| pem(path, error.to_string()))?;
     if all.is_empty() {
         return Err(pem(path, "there is no certificate in it".to_owned()));

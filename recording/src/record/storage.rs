@@ -1,6 +1,6 @@
 //! Manages the recordings of a station in a folder, and removes the oldest ones according to limits.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
@@ -8,6 +8,7 @@ use std::time::{Duration, SystemTime};
 use rustix::fs::statvfs;
 
 use equipoise_files::atomic_file::remove_abandoned_files;
+use equipoise_files::open_regular;
 
 use super::signature::{SIGNATURE_ENDING, signature_of};
 
@@ -216,11 +217,13 @@ pub fn has_jumped(newest: Option<SystemTime>, now: SystemTime, age: Duration, ru
 
 /// A recorder holds a lock on its file while it writes. Files that cannot be opened are also left alone.
 fn is_being_written(path: &Path) -> bool {
-    !File::open(path).is_ok_and(|file| file.try_lock().is_ok())
+    !open_regular(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+
     use super::*;
 
     const DAY: Duration = Duration::from_secs(86_400);

@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant, SystemTime};
@@ -11,6 +10,7 @@ use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_core::message::{Incident, State};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_files::{Existing, write_regular};
 use equipoise_station::state_directory::StateDirectory;
 use equipoise_station::status::{self, Status};
 use serde_json::{Value, json};
@@ -243,17 +243,31 @@ fn json(arguments: &Arguments, trials: &[Trial]) -> Value {
 /// Appends one line; only this user may read data of a body.
 fn append(path: &Path, result: &Value) -> anyhow::Result<()> {
     std::fs::create_dir_all(path.parent().unwrap_or(path))?;
-    let mut file = std::fs::OpenOptions::new().create(true).append(true).mode(0o600).open(path)?;
-    file.write_all(format!("{result}\n").as_bytes())?;
+    write_regular(path, Existing::Append, 0o600)?.write_all(format!("{result}\n").as_bytes())?;
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
+    use rustix::fs::{CWD, Mode, mkfifoat};
+
     use super::*;
 
     const CONFIG: &str = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \
                           \"external\"\n[subject]\nid = \"a\"\nheight_m = 1.7\n";
+
+    #[test]
+    fn a_result_is_appended_to_a_regular_file_only() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("subjects").join("a.load-checks.jsonl");
+        append(&path, &json!({"mass_kg": 10})).unwrap();
+        append(&path, &json!({"mass_kg": 20})).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "{\"mass_kg\":10}\n{\"mass_kg\":20}\n");
+        let pipe = directory.path().join("pipe");
+        mkfifoat(CWD, &pipe, Mode::RUSR | Mode::WUSR).unwrap();
+        // An ordinary open would wait for a reader.
+        assert!(append(&pipe, &json!({})).unwrap_err().to_string().contains("no regular file"));
+    }
 
     #[test]
     fn a_result_is_stored_only_with_the_profile_of_the_measured_subject() {

@@ -81,12 +81,13 @@ impl Live {
                 ),
             )
             .replace("[ground]", &format!("[ground]\naddress = \"{}\"", player.plate_address()));
+        let build = Config::parse(&config, "test").unwrap().subject.build();
         let options = model.map_or(Vec::new(), |model| vec!["--model", model.to_str().unwrap()]);
         let station = Station::start_with(&config, &options, |state| {
             let mut stored = bytemuck::zeroed_box();
             worker.store(&mut stored);
             let profile =
-                Profile::of("anon-1", None, &stored, &bytemuck::Zeroable::zeroed(), &Default::default(), 0)
+                Profile::of("anon-1", build, &stored, &bytemuck::Zeroable::zeroed(), &Default::default(), 0)
                     .unwrap();
             std::fs::create_dir_all(state.join("subjects")).unwrap();
             std::fs::write(state.join("subjects/anon-1.toml"), profile.to_toml().unwrap()).unwrap();

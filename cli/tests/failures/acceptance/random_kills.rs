@@ -327,6 +327,24 @@ fn a_pipe_instead_of_the_station_file_does_not_block_the_start() {
 }
 
 #[test]
+fn a_station_file_of_400_mb_is_reported_and_left_unchanged() {
+    let station = Station::new();
+    let path = station.state_directory().join("stations").join("bench.toml");
+    std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");
+    // Without data, so that it takes no space on the disk.
+    let file = std::fs::File::create(&path).expect("a file");
+    file.set_len(400_000_000).expect("a sparse file");
+    let _person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    Monitor::open(&station).until("cycles", |monitor| monitor.state.cycle > 100);
+    let message = daemon.stderr();
+    assert!(message.contains("bench.toml") && message.contains("longer than 1048576 bytes"), "{message}");
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    assert_eq!(file.metadata().expect("the file").len(), 400_000_000);
+    assert!(path.exists());
+}
+
+#[test]
 fn a_station_s_file_of_a_later_version_is_reported_and_left_unchanged() {
     let station = Station::new();
     let path = station.state_directory().join("stations").join("bench.toml");

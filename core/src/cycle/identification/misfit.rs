@@ -11,6 +11,9 @@ const ROWS_AVERAGED: f64 = 300.0;
 /// Limit of a single squared innovation, in variances: contacts and stumbles are no model error.
 const SQUARE_MAX: f64 = 10.8;
 
+/// Upper bound of the excess, m²: a CoP error of 10 m is larger than any plate.
+const EXCESS_MAX_M2: f64 = 100.0;
+
 /// Excess variance of the CoP per axis, forward and sideways.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -40,7 +43,7 @@ impl Misfit {
     }
 
     pub(super) fn is_sound(&self) -> bool {
-        self.excess_m2.iter().all(|excess| (0.0..1e6).contains(excess))
+        self.excess_m2.iter().all(|excess| (0.0..=EXCESS_MAX_M2).contains(excess))
     }
 }
 

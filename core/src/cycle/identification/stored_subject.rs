@@ -83,7 +83,10 @@ impl Identification {
         self.mass_kg = stored.mass_kg;
         self.weighing = Weighing::stored(stored.mass_kg, stored.mass_sigma_kg);
         self.reset_to_prior(settings);
-        if stored.filter.count() != self.reduction.count() || !stored.filter.is_sound() {
+        if stored.filter.count() != self.reduction.count()
+            || !stored.filter.is_sound()
+            || !stored.filter.is_within_reach(settings.height_m)
+        {
             return false;
         }
         self.filter = stored.filter;

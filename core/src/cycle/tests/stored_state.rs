@@ -4,7 +4,8 @@ use super::*;
 use crate::cycle::stored_state::SHIFT_VALID_NS;
 use crate::message::GroundDevice;
 use crate::motion::ForceSigma;
-use crate::pose_suggestion::coordinates;
+use crate::pose_suggestion::{Performed, coordinates};
+use crate::sesc::PARAMETERS;
 
 fn stored_state(memory: &Memory) -> Box<StoredState> {
     let mut stored = bytemuck::zeroed_box::<StoredState>();
@@ -229,11 +230,32 @@ fn unsound_data_are_not_restored() {
     assert!(!fits(&|stored| stored.subject.mass_kg = f64::NAN));
     assert!(!fits(&|stored| stored.subject.filter.add_process_noise(2, f64::INFINITY)));
     assert!(!fits(&|stored| stored.subject.filter.add_process_noise(2, -1.0)));
+    assert!(fits(&|stored| stored.subject.filter.add_process_noise(2, 100.0)), "without a prior, inflated");
+    assert!(!fits(&|stored| stored.subject.filter.add_process_noise(2, 300.0)));
+    let displaced = |stored: &mut StoredState, metres: f64| {
+        let filter = &mut stored.subject.filter;
+        let count = filter.count();
+        let mut theta_m = filter.theta_m()[..count].to_vec();
+        theta_m[2] += metres;
+        let rows = (0..count).map(|row| filter.covariance_row_m2(row).to_vec());
+        let covariance_m2 = rows.collect::<Vec<_>>().concat();
+        assert!(filter.restore(&theta_m, &covariance_m2), "finite and consistent");
+    };
+    assert!(fits(&|stored| displaced(stored, 0.5)));
+    assert!(!fits(&|stored| displaced(stored, 4.0)), "no parameter is longer than the body");
+    assert!(!fits(&|stored| stored.subject.misfit_m2[1] = 101.0));
+    assert!(!fits(&|stored| stored.subject.consistency.nis = 1e10));
+    assert!(!fits(&|stored| stored.subject.consistency.recent[4] = f64::NAN));
+    assert!(!fits(&|stored| stored.subject.consistency.inflation = 101.0));
+    assert!(!fits(&|stored| stored.subject.consistency.inflation = 0.5));
+    assert!(!fits(&|stored| stored.subject.performed = Performed::of(1, [[4.0; PARAMETERS]].into_iter())));
     assert!(!fits(&|stored| stored.subject.poses_used = u64::MAX));
     assert!(!fits(&|stored| stored.subject.consistency.tested = 7));
     assert!(!fits(&|stored| stored.subject.consistency.recent_count = u64::MAX));
     assert!(!fits(&|stored| stored.subject.last_pose_wxyz[0][0] = f64::NAN));
     assert!(!fits(&|stored| stored.tare.moment_nm[1] = f64::NAN));
+    assert!(!fits(&|stored| stored.tare.foot_vertical_n[0] = -2e6));
+    assert!(!fits(&|stored| stored.registration.station_from_suit_rad = 3.2));
     assert!(!fits(&|stored| stored.registration.station_from_suit_m[0] = f64::NAN));
     assert!(!fits(&|stored| stored.registration.station_from_suit_sigma_m[1] = f64::NAN));
     assert!(!fits(&|stored| stored.registration.suit_time_ns = 0));

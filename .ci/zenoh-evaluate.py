@@ -1,4 +1,4 @@
-"""Reads stations over Zenoh with programs that are not ours, and judges what comes. Started by .ci/zenoh.
+"""Reads stations over Zenoh with programs that are not ours, and evaluates what comes. Started by .ci/zenoh.
 
 Third parties: eclipse-zenoh (sessions, router), rosbags (definitions, type hash, CDR), zenoh-ros2-sdk (keys, tokens' QoS
 and attachments of rmw_zenoh), xxhash (GIDs). No time is asserted: counts, orders, equalities and ratios are.
@@ -127,7 +127,7 @@ def typestore(folder):
     return store
 
 
-def judge_tokens(opened, reader, type_hash):
+def check_tokens(opened, reader, type_hash):
     """A publisher's token says what rmw_zenoh needs to list and match it."""
 
     def publishers():
@@ -155,7 +155,7 @@ def same(a, b):
     return abs(a - b) <= 1e-9 * max(1.0, abs(b))
 
 
-def judge_pair(ros, message):
+def check_pair(ros, message):
     """CDR and JSON of one tick contain the same values."""
     state = message["state"]
     where = f"{ros.station} cycle {state['cycle']}"
@@ -177,7 +177,7 @@ def judge_pair(ros, message):
     return len(ros.overload[0].joints) > 0
 
 
-def judge_values(reader):
+def check_values(reader):
     def pairs(station):
         by_cycle = {m.cycle[0]: m for m in list(reader.ros[station].messages) if m.current}
         current = [m for m in list(reader.json[station].messages) if m["current"]]
@@ -186,9 +186,9 @@ def judge_values(reader):
     for station in ("north", "south"):
         compared = await_that(f"20 states of {station}", lambda s=station: len(p := pairs(s)) >= 20 and p)
         for ros, message in compared:
-            judge_pair(ros, message)
+            check_pair(ros, message)
     loaded = await_that("overload torques of the demonstration",
-                        lambda: any([judge_pair(ros, message) for ros, message in pairs("demo")]) and pairs("demo"))
+                        lambda: any([check_pair(ros, message) for ros, message in pairs("demo")]) and pairs("demo"))
     print(f"zenoh: {len(loaded)} states of the demonstration are the same in CDR (read by rosbags) and JSON, "
           f"{sum('joints' in message['state'] for _, message in loaded)} of them with torques")
 
@@ -205,7 +205,7 @@ def resident_kib(process):
     return int(status.split("VmRSS:")[1].split()[0])
 
 
-def judge_stuck(reader, direct, gateway):
+def check_stuck(reader, direct, gateway):
     stuck = subprocess.Popen([sys.executable, __file__, "hang", direct], stdout=subprocess.PIPE, text=True)
     try:
         if stuck.stdout.readline().strip() != "reads":
@@ -228,7 +228,7 @@ def judge_stuck(reader, direct, gateway):
         fail("a subscriber that hangs makes the gateway grow")
 
 
-def judge_bad_link(reader, namespace):
+def check_bad_link(reader, namespace):
     shape = ["tc", "-n", namespace, "qdisc"]
     rule = ["dev", "eqp0", "root", "netem", "delay", "40ms", "10ms", "loss", "5%"]
     if subprocess.run([*shape, "add", *rule], capture_output=True, check=False).returncode != 0:
@@ -247,7 +247,7 @@ def judge_bad_link(reader, namespace):
             fail(f"{name}: nothing came over the bad link")
 
 
-def judge_ends(opened, reader, daemon, gateway):
+def check_ends(opened, reader, daemon, gateway):
     os.kill(daemon, signal.SIGKILL)
     await_that("the word that north's daemon is silent",
                lambda: reader.json["north"].messages[-1].get("no_state_reason") == "silent", 30)
@@ -310,20 +310,20 @@ def many(opened, store, arguments):
         fail("nothing came of a hundred stations")
 
 
-def judge(arguments):
+def evaluate(arguments):
     store = typestore(arguments.definitions)
     opened = session("client", connect=arguments.router)
     reader = Reader(opened, store)
     await_that("states of three stations", lambda: len(reader.json) >= 3 and len(reader.ros) >= 3)
-    judge_tokens(opened, reader, store.hash_rihs01(TYPE))
-    judge_values(reader)
-    judge_stuck(reader, arguments.direct, arguments.demo_gateway)
-    judge_bad_link(reader, arguments.stations)
+    check_tokens(opened, reader, store.hash_rihs01(TYPE))
+    check_values(reader)
+    check_stuck(reader, arguments.direct, arguments.demo_gateway)
+    check_bad_link(reader, arguments.stations)
     dashboard = load_dashboard()
     stations = {}
     with dashboard.subscribe(arguments.router, stations):
         await_that("three stations on the dashboard", lambda: len(stations) == 3, 30)
-        judge_ends(opened, reader, arguments.north, arguments.south_gateway)
+        check_ends(opened, reader, arguments.north, arguments.south_gateway)
         time.sleep(1.5)
         lines = {name: station.line(name, time.monotonic(), 0.5) for name, station in stations.items()}
     for name, (text, colour) in sorted(lines.items()):
@@ -354,18 +354,18 @@ def main():
     verbs = parser.add_subparsers(dest="verb", required=True)
     for verb in ("router", "hang"):
         verbs.add_parser(verb).add_argument("endpoint")
-    judging = verbs.add_parser("judge")
+    evaluating = verbs.add_parser("evaluate")
     for name in ("router", "direct", "definitions", "stations", "simulated"):
-        judging.add_argument(f"--{name}", required=True)
+        evaluating.add_argument(f"--{name}", required=True)
     for name in ("demo-gateway", "north", "south-gateway", "router-process"):
-        judging.add_argument(f"--{name}", type=int, required=True)
+        evaluating.add_argument(f"--{name}", type=int, required=True)
     arguments = parser.parse_args()
     if arguments.verb == "router":
         serve_router(arguments.endpoint)
     elif arguments.verb == "hang":
         read_and_hang(arguments.endpoint)
     else:
-        judge(arguments)
+        evaluate(arguments)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""All gateways on one daemon: gateways-judge.py judge EQUIPOISE FOLDER SCRATCH SECONDS KIND=PORT...
+"""All gateways on one daemon: gateways-evaluate.py evaluate EQUIPOISE FOLDER SCRATCH SECONDS KIND=PORT...
 
-Each client is a separate process (gateways-judge.py client KIND PORT), with a third-party library where one exists. It
+Each client is a separate process (gateways-evaluate.py client KIND PORT), with a third-party library where one exists. It
 prints "reads" after its first message; a client that is to hang is stopped then. Phases alternate, so that other load on
 the machine affects all of them: alone, with clients that read, with clients that hang. No time is asserted: fractions of
 cycles in the same run are compared, and page faults of the loop are counted.
@@ -175,7 +175,7 @@ def connect(port):
             time.sleep(0.1)
 
 
-# The judge.
+# Evaluation.
 
 def fail(what):
     sys.exit(f"gateways: {what}")
@@ -263,7 +263,7 @@ def print_consumers(report):
         print(f"| `{consumer['consumer']}` | {consumer['states']} | {' | '.join(map(ms, cells))} |")
 
 
-def judge(equipoise, folder, scratch, seconds, ports):
+def evaluate(equipoise, folder, scratch, seconds, ports):
     house = House(equipoise, folder, scratch, ports)
     end = time.monotonic() + PATIENCE_S
     # The loop's page faults are counted from the end of its warm-up on.
@@ -327,7 +327,7 @@ def main():
     else:
         equipoise, folder, scratch, seconds, *ports = rest
         ports = {kind: int(port) for kind, port in (pair.split("=") for pair in ports)}
-        judge(equipoise, pathlib.Path(folder), pathlib.Path(scratch), float(seconds), ports)
+        evaluate(equipoise, pathlib.Path(folder), pathlib.Path(scratch), float(seconds), ports)
 
 
 if __name__ == "__main__":
