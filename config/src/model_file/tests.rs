@@ -104,11 +104,7 @@ const INVALID: &[(&str, &str, &str)] = &[
         "hand = \"right\"",
         "effect 1, where: worn_mass does not act there; it takes where = { segment",
     ),
-    (
-        "segment =",
-        "sgement =",
-        "m.toml, line 13, effect 1: `sgement` is not known; did you mean `segment`?",
-    ),
+    ("segment =", "sgement =", "m.toml, line 13, effect 1: `sgement` is not known; did you mean `segment`?"),
     (
         "where = { segment = \"T8\" }",
         "where = { segment = \"T8\", hand = \"left\" }",
