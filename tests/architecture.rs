@@ -213,7 +213,7 @@ fn files_are_opened_by_the_files_crate() {
         "view",
     ];
     let is_shipped = |found: &Crate| found.folder.split('/').next().is_some_and(|top| shipped.contains(&top));
-    let mut found_directly = BTreeSet::new();
+    let mut found_directly: BTreeSet<&(&str, &str)> = BTreeSet::new();
     for found in crates().filter(is_shipped) {
         for file in
             found.sources().into_iter().filter(|file| file.path.starts_with(found.folder.clone() + "/src"))

@@ -61,7 +61,8 @@ fn a_profile_of_another_subject_or_of_no_valid_body_is_refused() {
         let part = HandoverPart::of(&Handover { place_m: [0.4, 0.0, 1.0], excess: 70.0, sigma: 0.1 });
         table.insert("handover".to_owned(), vec![toml::Value::try_from(part).unwrap()].into());
     };
-    let cases: [(&dyn Fn(&mut toml::Table), &str); 14] = [
+    type Change<'a> = &'a dyn Fn(&mut toml::Table);
+    let cases: [(Change<'_>, &str); 14] = [
         (&|table| table["mass_kg"] = 700.0.into(), "mass_kg is 700"),
         (&|table| table["mass_kg"] = f64::NAN.into(), "mass_kg is NaN"),
         (&|table| drop(table.insert("mass_sigma_kg".to_owned(), 300.0.into())), "mass_sigma_kg is 300"),
