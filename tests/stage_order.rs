@@ -1,9 +1,9 @@
-//! The order of the stages in `core::cycle::process` is a property of their types: exchanging two adjacent stages of
-//! which one uses the output of the other does not compile.
+//! The order of the stages in `core::cycle::step` and `process` is a property of their types: exchanging two adjacent
+//! stages of which one uses the output of the other does not compile.
 //!
 //! The stages are private to the core, so a `compile_fail` documentation test cannot name them. This test compiles a
-//! copy of the core to which one copy of `process` is appended per pair of adjacent statements, with this pair exchanged,
-//! and reads the compiler's errors.
+//! copy of the core to which one copy of the function is appended per pair of adjacent statements, with this pair
+//! exchanged, and reads the compiler's errors.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Adjacent statements of `process` that may be exchanged: none of a pair accesses what the other changes, so that both
+/// Adjacent statements that may be exchanged: none of a pair accesses what the other changes, so that both
 /// orders give the same state.
 const INDEPENDENT: [[&str; 2]; 4] = [
     ["compare_with_suggestion", "predict_unloaded"],
@@ -20,7 +20,7 @@ const INDEPENDENT: [[&str; 2]; 4] = [
     ["residual", "m.publication.hold"],
 ];
 
-/// A copy of `process` with two adjacent statements exchanged, and its lines in the compiled file, from 1.
+/// A copy of a function with two adjacent statements exchanged, and its lines in the compiled file, from 1.
 struct Exchanged {
     /// Functions that the two statements call first.
     pair: [String; 2],
@@ -33,8 +33,11 @@ fn exchanged_stages_do_not_compile() {
     copy_core(&copy);
     let file = copy.join("core/src/cycle.rs");
     let mut source = std::fs::read_to_string(&file).unwrap();
-    let exchanged = append_exchanged(&mut source);
-    assert!(exchanged.len() > 10, "found {} pairs of stages", exchanged.len());
+    let mut exchanged = append_exchanged(&mut source, "step");
+    assert!(exchanged.len() > 5, "found {} pairs in `step`", exchanged.len());
+    let of_instant = append_exchanged(&mut source, "process");
+    assert!(of_instant.len() > 10, "found {} pairs in `process`", of_instant.len());
+    exchanged.extend(of_instant);
     std::fs::write(&file, source).unwrap();
 
     let error_lines = error_lines(&copy);
@@ -73,28 +76,33 @@ fn copy_directory(from: &Path, to: &Path) {
     }
 }
 
-/// Appends one copy of `process` per pair of adjacent statements.
-fn append_exchanged(source: &mut String) -> Vec<Exchanged> {
-    let start = source.find("fn process(").expect("cycle.rs has no function `process`");
-    let length = source[start..].find("\n}\n").expect("`process` has no end");
+/// Appends one copy of a function per pair of adjacent statements.
+fn append_exchanged(source: &mut String, name: &str) -> Vec<Exchanged> {
+    let is_named = |at: &usize| source[at + 3 + name.len()..].starts_with(['(', '<']);
+    let mut starts = source.match_indices(&format!("fn {name}")).map(|(at, _)| at).filter(is_named);
+    let start = starts.next().unwrap_or_else(|| panic!("cycle.rs has no function `{name}`"));
+    let length = source[start..].find("\n}\n").expect("the function has no end");
     let function = source[start..start + length].to_owned();
-    let (head, body) = function.split_once(") {\n").expect("`process` has no body");
-    let statements = statements(body);
+    let (head, body) = function.split_once(" {\n").expect("the function has no body");
+    let (statements, result) = statements(body);
     (1..statements.len())
         .map(|second| {
             let mut order = statements.clone();
             order.swap(second - 1, second);
-            let head = head.replace("fn process", &format!("fn exchanged_{second}"));
+            let head = head.replacen(&format!("fn {name}"), &format!("fn {name}_exchanged_{second}"), 1);
             let from = source.lines().count() as u64 + 1;
-            source.push_str(&format!("#[allow(warnings, clippy::all)]\n{head}) {{\n{}}}\n", order.concat()));
+            source.push_str(&format!(
+                "#[allow(warnings, clippy::all)]\n{head} {{\n{}{result}\n}}\n",
+                order.concat()
+            ));
             let pair = [second - 1, second].map(|index| called(&statements[index]));
             Exchanged { pair, lines: from..source.lines().count() as u64 + 1 }
         })
         .collect()
 }
 
-/// The statements of a function's body.
-fn statements(body: &str) -> Vec<String> {
+/// The statements of a function's body, and the expression that it ends with, if any.
+fn statements(body: &str) -> (Vec<String>, String) {
     let (mut statements, mut statement, mut depth) = (Vec::new(), String::new(), 0_i32);
     for line in body.lines() {
         statement.push_str(line);
@@ -105,8 +113,8 @@ fn statements(body: &str) -> Vec<String> {
             statements.push(std::mem::take(&mut statement));
         }
     }
-    assert!(statement.is_empty(), "the last statement is incomplete: {statement}");
-    statements
+    assert!(statement.lines().count() <= 1, "the last statement is incomplete: {statement}");
+    (statements, statement)
 }
 
 /// The function that a statement calls first; the variable that it sets if it calls none.

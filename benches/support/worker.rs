@@ -1,11 +1,12 @@
 //! A worker who stands on the plate in a suit, poses, and holds a load: samples as the sensors would send them.
 
 use bytemuck::Zeroable;
+use equipoise_core::GRAVITY_M_PER_S2;
 use equipoise_core::body::{Anthropometry, Segment, Sex, Side, Skeleton};
 use equipoise_core::frame::{Pose, StationWorld, wxyz};
 use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_core::overload::sharing::project;
-use equipoise_core::overload::{FootDeviation, FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing};
+use equipoise_core::overload::{FootDeviation, FootLoads, Loading, LoadingSigma, Swing};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_core::pose_suggestion::posture;
 use equipoise_core::sesc::{Phi, centre_of_mass};

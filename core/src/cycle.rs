@@ -120,13 +120,45 @@ pub struct Inputs<'a> {
 /// Runs one cycle. The state is written in place and stays valid until the next step.
 pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs: Inputs<'_>) -> &'m State {
     let m = memory;
-    if let Some(command) = inputs.command {
+    let samples = apply_command(settings, m, tick, inputs);
+    let streams = ingest_samples(settings, m, tick, &samples);
+    let processed = process_instants(settings, m, tick, &streams);
+    let planned = plan_poses(settings, m, processed);
+    let published = publish_cycle(settings, m, tick, &streams, planned);
+    estimate_newest(settings, m, tick, &streams, published);
+    &m.state
+}
+
+/// [`Inputs`] whose command has been applied.
+struct Samples<'a> {
+    suit: &'a [SuitSample],
+    ground: &'a [GroundSample],
+    body: Option<&'a SuitBody>,
+}
+
+/// All complete instants were processed, the newest at this time, ns.
+struct Processed(u64);
+
+/// … and the next pose of the identification is planned.
+struct Planned(u64);
+
+/// The state of the cycle is published.
+struct Published;
+
+/// Applies the command of the cycle.
+fn apply_command<'a>(settings: &Settings, m: &mut Memory, tick: Tick, inputs: Inputs<'a>) -> Samples<'a> {
+    let Inputs { suit, ground, body, command } = inputs;
+    if let Some(command) = command {
         commands::apply(settings, m, command, tick);
     }
-    let streams = ingest_inputs(settings, m, tick, &inputs);
+    Samples { suit, ground, body }
+}
+
+/// Aligns the samples and processes each instant whose window is complete.
+fn process_instants(settings: &Settings, m: &mut Memory, tick: Tick, streams: &Streams) -> Processed {
     // Bounded: the queues hold a fixed number of samples.
-    while let Some(aligned) = align(settings, &mut m.align, &m.prediction.terms, &streams, tick) {
-        let snapshot = place(settings, m, &aligned, &streams);
+    while let Some(aligned) = align(settings, &mut m.align, &m.prediction.terms, streams, tick) {
+        let snapshot = place(settings, m, &aligned, streams);
         m.history.push(snapshot);
         while let Some(instant) = differentiate(
             settings,
@@ -136,18 +168,21 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
             &m.identification,
             m.reported_body.body(),
         ) {
-            process(settings, m, &instant, &streams);
+            process(settings, m, &instant, streams);
         }
     }
-    let (suit_body, instant_ns) = (m.reported_body.body(), m.history.released_ns());
-    m.identification.plan_step(instant_ns, m.publication.stands(), suit_body, settings);
-    publish_cycle(settings, m, &streams, tick);
-    estimate_newest(settings, m, &streams, tick);
-    &m.state
+    Processed(m.history.released_ns())
+}
+
+/// Continues the search for the next pose.
+fn plan_poses(settings: &Settings, m: &mut Memory, Processed(instant_ns): Processed) -> Planned {
+    m.identification.plan_step(instant_ns, m.publication.stands(), m.reported_body.body(), settings);
+    Planned(instant_ns)
 }
 
 /// Processes one instant. Each stage has its own state and needs the outputs of the stages before it as arguments, so
-/// that another order does not compile: `tests/stage_order.rs` exchanges each two adjacent statements.
+/// that another order does not compile: `tests/stage_order.rs` exchanges each two adjacent statements here and in
+/// [`step`].
 fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Streams) {
     let ground = measure_ground(settings, &mut m.ground, instant, &m.identification, streams);
     let stillness = detect_static(settings, &mut m.window, instant, &ground, streams);
@@ -177,7 +212,8 @@ fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Str
         &prediction,
         &estimate,
     );
-    let overload = overload(settings, &mut m.load, instant, &ground, &prediction, &estimate, subject);
+    let overload =
+        overload(settings, (&mut m.load, &m.unloaded), instant, &ground, &prediction, &estimate, subject);
     let lag = test_lag(settings, &mut m.lag_test, instant, &ground, &prediction, overload.as_ref(), subject);
     let withheld = validate(instant, &ground, &stillness, overload.as_ref(), lag, subject, streams);
     let outputs = Outputs {
@@ -191,7 +227,7 @@ fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Str
     };
     let exposure = update_exposure(settings, &mut m.exposure, &outputs, subject, m.model_changed_ns);
     m.early.ingest(&outputs, subject);
-    let residual = residual(settings, &mut m.load, &outputs, subject);
+    let residual = residual(settings, &mut m.unloaded, &outputs, subject);
     m.publication.hold(&outputs, &exposure, pose_mismatch_rad, m.placement.suit_time_ns);
     if let Some(residual) = residual {
         update_models(settings, m, &outputs, &residual);
@@ -225,12 +261,13 @@ fn update_models(settings: &Settings, m: &mut Memory, outputs: &Outputs<'_>, res
     }
 }
 
-/// Ingests the inputs of the cycle.
-fn ingest_inputs(settings: &Settings, m: &mut Memory, tick: Tick, inputs: &Inputs<'_>) -> Streams {
-    if let Some(body) = inputs.body {
+/// Ingests the samples of the cycle.
+fn ingest_samples(settings: &Settings, m: &mut Memory, tick: Tick, samples: &Samples<'_>) -> Streams {
+    if let Some(body) = samples.body {
         m.reported_body.ingest(body, m.align.alignment.newest_suit(), tick.due_ns);
     }
-    let (streams, lag) = ingest(settings, &mut m.align, &m.prediction.terms, &m.identification, tick, inputs);
+    let (streams, lag) =
+        ingest(settings, &mut m.align, &m.prediction.terms, &m.identification, tick, samples);
     m.lag_test.ingest_ground_gap(streams.ground_gap_ns);
     if let LagChange::First { exceeds_window } = lag {
         reset_unaligned(settings, m, exceeds_window);
@@ -276,9 +313,14 @@ fn place(settings: &Settings, m: &mut Memory, aligned: &Aligned, streams: &Strea
 }
 
 /// Publishes the state of the cycle.
-fn publish_cycle(settings: &Settings, m: &mut Memory, streams: &Streams, tick: Tick) {
-    let (terms, instant_ns) = (&m.prediction.terms, m.history.released_ns());
-    let freshness = Freshness::at(settings, &m.align, terms, streams, instant_ns, tick);
+fn publish_cycle(
+    settings: &Settings,
+    m: &mut Memory,
+    tick: Tick,
+    streams: &Streams,
+    Planned(instant_ns): Planned,
+) -> Published {
+    let freshness = Freshness::at(settings, &m.align, &m.prediction.terms, streams, instant_ns, tick);
     if let Some(sample) = m.align.alignment.newest_ground().filter(|_| freshness.has_ground_alone()) {
         let alone = measure_ground_alone(settings, &mut m.ground, sample, &m.identification, streams);
         m.publication.hold_ground_alone(&alone);
@@ -296,10 +338,11 @@ fn publish_cycle(settings: &Settings, m: &mut Memory, streams: &Streams, tick: T
         model_changed_ns: m.model_changed_ns,
     };
     m.publication.publish(settings, &mut m.state, &status);
+    Published
 }
 
-/// Estimates about the newest sample, by the state of all other stages.
-fn estimate_newest(settings: &Settings, m: &mut Memory, streams: &Streams, tick: Tick) {
+/// Estimates about the newest sample, by the published state and the state of all other stages.
+fn estimate_newest(settings: &Settings, m: &mut Memory, tick: Tick, streams: &Streams, _: Published) {
     let newest = Newest {
         history: &m.history,
         align: &m.align,

@@ -13,8 +13,8 @@ pub mod lift;
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::GRAVITY_M_PER_S2;
 use crate::body::JOINTS;
-use crate::overload::GRAVITY_M_PER_S2;
 use crate::time::{NS_PER_S, seconds};
 
 pub use advice::Advice;

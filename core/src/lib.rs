@@ -3,8 +3,8 @@
 //!
 //! Uses no clock, files, threads, heap or unsafe code: its input is samples and a time, its output a state. Modules in
 //! the order of dependency:
-//! [`time`], [`body`] and [`frame`] → [`message`] → [`effect`] → [`motion`], [`sesc`] → [`kalman`] → [`anchor`],
-//! [`registration`], [`static_pose`] → [`pose_suggestion`] → [`overload`] → [`handover`], [`exposure`] → [`cycle`].
+//! [`body`] and [`frame`] → [`time`] → [`message`] → [`effect`] → [`motion`] → [`sesc`] → [`kalman`] → [`anchor`],
+//! [`registration`], [`static_pose`] → [`pose_suggestion`], [`overload`] → [`handover`], [`exposure`] → [`cycle`].
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -25,3 +25,6 @@ pub mod registration;
 pub mod sesc;
 pub mod static_pose;
 pub mod time;
+
+/// Standard gravity is 9.80665 m/s²; golden values and the paper use two decimals.
+pub const GRAVITY_M_PER_S2: f64 = 9.81;

@@ -31,9 +31,6 @@ pub use level::{Level, Levels};
 pub use limits::TorqueLimits;
 pub use load_position::LoadPosition;
 
-/// Standard gravity is 9.80665 m/s²; golden values and the paper use two decimals.
-pub const GRAVITY_M_PER_S2: f64 = 9.81;
-
 /// Inputs of the overload, except the pose.
 #[derive(Debug, Clone, Copy)]
 pub struct Loading {

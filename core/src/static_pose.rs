@@ -9,11 +9,11 @@ use bytemuck::{Pod, Zeroable};
 
 use nalgebra::Vector3;
 
+use crate::GRAVITY_M_PER_S2;
 use crate::body::{JOINTS, SEGMENTS};
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::math;
 use crate::motion::weights::weights;
-use crate::overload::GRAVITY_M_PER_S2;
 
 /// Maximum number of suit samples in the window: the paper's 20 (Fortini et al., §III-B).
 pub const WINDOW: usize = 20;

@@ -16,8 +16,8 @@
 use std::f64::consts::PI;
 use std::time::Duration;
 
+use equipoise_core::GRAVITY_M_PER_S2;
 use equipoise_core::effect::Effect;
-use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 // Recordings.
 

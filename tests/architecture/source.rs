@@ -68,6 +68,11 @@ impl Crate {
 }
 
 impl SourceFile {
+    /// The same file with a part of its code.
+    pub(crate) fn with_code(&self, code: &str) -> SourceFile {
+        SourceFile { path: self.path.clone(), lines: self.lines, code: code.to_owned() }
+    }
+
     /// Every identifier and keyword with its line.
     pub(crate) fn words(&self) -> impl Iterator<Item = (usize, String)> {
         self.code.lines().enumerate().flat_map(|(index, line)| {

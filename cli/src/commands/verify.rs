@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use anyhow::bail;
 use equipoise_adapters::calibration::verify::rod::tip;
 use equipoise_adapters::calibration::verify::{Block, Blocks, Step, Verification, VerifySettings};
+use equipoise_core::GRAVITY_M_PER_S2;
 use equipoise_core::message::GroundSample;
-use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::{Outcome, StationArgument};
 use crate::client;

@@ -112,7 +112,7 @@ fn a_known_mass_is_verified_at_several_positions_and_a_wrong_one_fails(station: 
     });
     assert_eq!(code, Some(0), "{message}");
     // Half a percent too high; gravity is the simulator's own.
-    let gravity_percent = 100.0 * (9.81 / equipoise_core::overload::GRAVITY_M_PER_S2 - 1.0);
+    let gravity_percent = 100.0 * (9.81 / equipoise_core::GRAVITY_M_PER_S2 - 1.0);
     let measured = report["places"].as_array().expect("places");
     let sigma_percent =
         measured.iter().map(|place| 100.0 * number(place, "/mass_sigma_kg") / 20.0).fold(0.0, f64::max);

@@ -12,7 +12,7 @@ use super::settings::Settings;
 use super::skew_monitor::{LagChange, SkewMonitor};
 use super::streams::Streams;
 use super::tare::Tare;
-use super::{Inputs, Tick};
+use super::{Samples, Tick};
 use crate::effect::without_lag_ns;
 use crate::message::SuitSample;
 
@@ -63,11 +63,11 @@ pub(super) fn ingest(
     terms: &ModelTerms,
     subject: &Identification,
     tick: Tick,
-    inputs: &Inputs<'_>,
+    samples: &Samples<'_>,
 ) -> (Streams, LagChange) {
     let AlignState { alignment, plausibility, skew, tare } = state;
     let mut ground_gap_ns = 0;
-    for sample in inputs.ground {
+    for sample in samples.ground {
         // Subtract the tare first: it may contain components that this device does not measure.
         let sample = tare.subtract_from(sample).mask_unmeasured();
         if alignment.admits_ground(&sample, tick.due_ns) {
@@ -82,7 +82,7 @@ pub(super) fn ingest(
         }
     }
     let mut lag_change = LagChange::None;
-    for sample in inputs.suit {
+    for sample in samples.suit {
         let model_lag_s = terms.suit_lag_s(&settings.model, sample.sample_time_ns);
         let sample_time_ns = without_lag_ns(sample.sample_time_ns, model_lag_s);
         let sample = SuitSample { sample_time_ns, ..*sample };

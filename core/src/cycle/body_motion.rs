@@ -4,10 +4,10 @@ use bytemuck::{Pod, Zeroable};
 
 use super::outputs::Outputs;
 use super::residual::Residual;
+use crate::GRAVITY_M_PER_S2;
 use crate::math;
 use crate::message::Component;
 use crate::motion::{Confidence, Envelope, Inertia, UpperInertia};
-use crate::overload::GRAVITY_M_PER_S2;
 
 /// Errors of the inertia compensation, estimated from motion without a load.
 #[repr(C)]

@@ -86,11 +86,11 @@ mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
 
     use super::*;
+    use crate::GRAVITY_M_PER_S2;
     use crate::body::{SEGMENTS, Skeleton};
     use crate::cycle::settings::Accelerations;
     use crate::frame::SuitWorld;
     use crate::message::GroundSample;
-    use crate::overload::GRAVITY_M_PER_S2;
 
     const MS_NS: u64 = 1_000_000;
     const SUIT_PERIOD_NS: u64 = 4_166_667;

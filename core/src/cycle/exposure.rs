@@ -7,12 +7,13 @@ use super::identify::Identified;
 use super::loading::{CarriedLoad, Overload};
 use super::outputs::Outputs;
 use super::settings::Settings;
+use crate::GRAVITY_M_PER_S2;
 use crate::body::{JOINTS, Joint, Segment, Side};
 use crate::exposure::back::{Arm, LoadAtBack, UpperBody};
 use crate::exposure::{Advice, Back, Carried, Exposure, Load, advice, lift};
 use crate::math;
 use crate::message::Validity;
-use crate::overload::{GRAVITY_M_PER_S2, Torque, leverage};
+use crate::overload::{Torque, leverage};
 use crate::sesc::distal_mass;
 use crate::sesc::suit_error::{EffectiveVectors, drift_variance_m2};
 

@@ -8,12 +8,12 @@ use super::insoles::GroundSigma;
 use super::residual::Residual;
 use super::settings::{Motion, Settings};
 use super::streams::Streams;
+use crate::GRAVITY_M_PER_S2;
 use crate::math;
 use crate::message::ground::NoCop;
 use crate::message::{Component, GroundDevice, GroundSample, Validity};
 use crate::motion::unloaded::zero_limit_n;
 use crate::motion::{Envelope, ForceOffset};
-use crate::overload::GRAVITY_M_PER_S2;
 
 /// Maximum interval between snapshots for a rate of change, s: two samples of the slowest suit, 30 Hz.
 const RATE_STEP_MAX_S: f64 = 0.07;

@@ -29,8 +29,8 @@ use super::identify::Identified;
 use super::loading::Overload;
 use super::prediction::Prediction;
 use super::settings::{Motion, Settings};
+use crate::GRAVITY_M_PER_S2;
 use crate::math;
-use crate::overload::GRAVITY_M_PER_S2;
 
 /// Alternative delays of the ground relative to the lag in use, s. Changes below half of the smallest are left to the
 /// skew monitor.

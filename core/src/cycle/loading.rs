@@ -34,8 +34,6 @@ const LOAD_MAX_KG: f64 = 200.0;
 pub(super) struct LoadState {
     /// Detector of a load.
     detector: Load,
-    /// Detector of intervals without a load.
-    pub(super) unloaded: Unloaded,
     /// Position of the load in the hands.
     pub(super) position: LoadPosition,
     /// Comparison with the load before a gap of the ground's samples.
@@ -50,10 +48,7 @@ impl LoadState {
 
     /// Whether every number is in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
-        self.detector.is_sound()
-            && self.unloaded.is_sound()
-            && self.position.is_sound()
-            && self.after_gap.is_sound()
+        self.detector.is_sound() && self.position.is_sound() && self.after_gap.is_sound()
     }
 
     /// Whether a load is carried: detected now, or detected before and not refuted since.
@@ -160,7 +155,7 @@ impl ExternalForce {
 /// implausible.
 pub(super) fn overload(
     settings: &Settings,
-    state: &mut LoadState,
+    (state, unloaded): (&mut LoadState, &Unloaded),
     instant: &Instant,
     ground: &Ground,
     prediction: &Prediction,
@@ -177,7 +172,7 @@ pub(super) fn overload(
     let mut invalid = Validity::default();
     invalid.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
     // In quick motion a load below the raised detection limit cannot be excluded.
-    let is_undetectable = prediction.load_limit_n > settings.load_threshold_n && !state.unloaded.is_quiet();
+    let is_undetectable = prediction.load_limit_n > settings.load_threshold_n && !unloaded.is_quiet();
     invalid.raise(Validity::LOAD_BELOW_DETECTION_LIMIT, !loaded && is_undetectable);
     // A negative load is impossible; the paper's equations do not exclude it.
     let is_missing = loaded && delta_f_n < 0.0 && settings.motion != Motion::Paper;

@@ -18,7 +18,7 @@ use super::settings::Settings;
 use super::skew_monitor::SkewMonitor;
 use crate::exposure::{Exposure, Shift};
 use crate::message::{EarlyState, State};
-use crate::motion::History;
+use crate::motion::{History, Unloaded};
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
@@ -52,6 +52,8 @@ pub struct Memory {
     pub(super) motion_updates: MotionUpdates,
     /// Detectors of a load, and its position in the hands.
     pub(super) load: LoadState,
+    /// Detector of intervals without a load.
+    pub(super) unloaded: Unloaded,
     /// Sequential test of the lag between the streams.
     pub(super) lag_test: LagTest,
     /// Exposure accumulated over the subject's shift.
@@ -188,7 +190,7 @@ impl Memory {
     pub(super) fn clear_windows(&mut self) {
         self.history.clear();
         self.window.clear();
-        self.load.unloaded.clear();
+        self.unloaded.clear();
         self.early.clear_pending();
     }
 }

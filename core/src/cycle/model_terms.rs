@@ -10,12 +10,12 @@ use super::differentiate::Instant;
 use super::ground::Ground;
 use super::identification::Identification;
 use super::settings::{Motion, Settings};
+use crate::GRAVITY_M_PER_S2;
 use crate::body::{SEGMENTS, Side};
 use crate::effect::plate_lowpass::LowPass;
 use crate::effect::{Effect, Model, Observation};
 use crate::frame::{Pose, StationWorld};
 use crate::motion::{History, Inertia};
-use crate::overload::GRAVITY_M_PER_S2;
 use crate::static_pose::{PoseStatistics, SPAN_NS};
 
 /// After a longer gap the plate's filter has settled, s.

@@ -2,10 +2,9 @@
 //! of the compensation and the force offset; the registration and the identification are updated with it.
 
 use super::identify::Identified;
-use super::loading::LoadState;
 use super::outputs::Outputs;
 use super::settings::Settings;
-use crate::motion::ForceSigma;
+use crate::motion::{ForceSigma, Unloaded};
 
 /// Minimum interval between motion samples that update the filter, ns …
 pub(super) const MOTION_ROW_EVERY_NS: u64 = 100_000_000;
@@ -29,27 +28,27 @@ pub(super) struct Residual {
 /// Determines whether no load is carried, and the residual then.
 pub(super) fn residual(
     settings: &Settings,
-    state: &mut LoadState,
+    state: &mut Unloaded,
     outputs: &Outputs<'_>,
     subject: Identified<'_>,
 ) -> Option<Residual> {
     let Outputs { instant, ground, prediction, estimate, withheld, .. } = *outputs;
     let overload = outputs.overload.filter(|_| prediction.is_measured && !withheld.is_unsynchronised());
     let Some(overload) = overload else {
-        state.unloaded.clear();
+        state.clear();
         return None;
     };
     if subject.mass_kg <= 0.0 || !subject.has_body() {
         return None;
     }
     if instant.step_s > GAP_MAX_S {
-        state.unloaded.clear();
+        state.clear();
     }
     let sigma = ForceSigma { at_rest_n: ground.sigma.force_n, by_motion_n: prediction.sigma.vertical_n };
     // A step below the plate's assumed σ, such as a tool in a pocket, belongs to the force offset.
     let gate = ForceSigma { at_rest_n: sigma.at_rest_n.max(settings.force_sigma_n), ..sigma };
     let delta_f_n = overload.delta_f_n;
-    state.unloaded.update(delta_f_n, instant.step_s, settings.load_threshold_n, gate).then(|| Residual {
+    state.update(delta_f_n, instant.step_s, settings.load_threshold_n, gate).then(|| Residual {
         delta_f_n,
         sigma,
         cop_error_m: [0, 1].map(|axis| ground.reading.cop_m[axis] - estimate.cop_m[axis]),

@@ -10,9 +10,9 @@ use super::memory::{EMPTY_PLATE_N, Memory};
 use super::settings::Settings;
 use super::skew_monitor::LAG_MAX_S;
 use super::tare::Tare;
+use crate::GRAVITY_M_PER_S2;
 use crate::exposure::Shift;
 use crate::math;
-use crate::overload::GRAVITY_M_PER_S2;
 use crate::time::NS_PER_S;
 
 /// Maximum gap after which a stored anchor shift is better than the configured position, ns. Each step that the anchor

@@ -10,10 +10,10 @@ use bytemuck::Zeroable;
 use nalgebra::Vector3;
 
 use super::*;
+use crate::GRAVITY_M_PER_S2;
 use crate::body::{Joint, Segment, Side};
 use crate::message::Validity;
 use crate::message::state::Phase;
-use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::Posture;
 
 pub(super) mod bench;

@@ -1,7 +1,8 @@
 //! Deviations of the body from the identified subject, and motion of it that the model or the suit omits.
 
-use super::geometry::{AXES, Column, GRAVITY_M_PER_S2};
+use super::geometry::{AXES, Column};
 use super::{Columns, Observation, Parameter, Place};
+use crate::GRAVITY_M_PER_S2;
 use crate::math;
 
 pub(super) const INERTIA: [Parameter; 1] = [Parameter { name: "share", unit: "1", prior_sigma: 1.0 }];

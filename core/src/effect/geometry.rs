@@ -9,9 +9,6 @@ use super::Observation;
 use crate::body::{Segment, Side};
 use crate::math;
 
-/// Standard gravity as the paper rounds it, m/s².
-pub(super) const GRAVITY_M_PER_S2: f64 = 9.81;
-
 /// Change by one parameter, per unit.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Column {

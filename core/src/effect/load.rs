@@ -1,8 +1,9 @@
 //! Loads and contacts, as they act on the body: masses carried along by a segment, whose weight and inertia are a force
 //! on it, and forces on a hand.
 
-use super::geometry::{AXES, Column, GRAVITY_M_PER_S2, Moving};
+use super::geometry::{AXES, Column, Moving};
 use super::{Columns, Observation, Parameter, Place};
+use crate::GRAVITY_M_PER_S2;
 use crate::body::{Segment, Side};
 
 /// The parameters of a carried mass with their prior: 1-σ of the mass, kg, and of its first moment on each axis, kg m.

@@ -29,9 +29,9 @@ use bytemuck::{Pod, Zeroable};
 
 use super::held_peak::HeldPeak;
 use super::{Carried, Load};
+use crate::GRAVITY_M_PER_S2;
 use crate::math;
 use crate::message::ground::WRENCH_MAX;
-use crate::overload::GRAVITY_M_PER_S2;
 
 /// Minimum duration of a lift, and of a rest that ends one, s: shorter episodes are mere contacts.
 pub const LIFT_MIN_S: f64 = 0.5;

@@ -9,7 +9,7 @@ pub fn lifted_mass_kg(delta_f_n: f64, sigma_n: f64, specific_force_m_per_s2: f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::overload::GRAVITY_M_PER_S2;
+    use crate::GRAVITY_M_PER_S2;
 
     #[test]
     fn mass_is_force_over_specific_force() {

@@ -3,11 +3,10 @@
 use nalgebra::{Quaternion, Vector3};
 
 use super::history::{Motion, Snapshot};
+use crate::GRAVITY_M_PER_S2;
 use crate::body::{Anthropometry, SEGMENTS, Segment, Side};
 use crate::frame::rotation;
 
-/// Standard gravity as the paper rounds it, m/s².
-const GRAVITY_M_PER_S2: f64 = 9.81;
 /// Below this fraction of its weight the body leaps, and its CoP is meaningless.
 const SPECIFIC_FORCE_MIN_M_PER_S2: f64 = 0.2 * GRAVITY_M_PER_S2;
 

@@ -2,9 +2,10 @@
 
 use nalgebra::{Rotation3, Vector3};
 
+use super::Loading;
 use super::feet::FootLoads;
 use super::load_position::GRIP_SIGMA_M;
-use super::{GRAVITY_M_PER_S2, Loading};
+use crate::GRAVITY_M_PER_S2;
 use crate::body::{SEGMENTS, Side};
 use crate::frame::{Pose, StationWorld};
 use crate::math;

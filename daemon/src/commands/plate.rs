@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
+use equipoise_core::GRAVITY_M_PER_S2;
 use equipoise_core::cycle::memory::EMPTY_PLATE_N;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{State, Validity};
-use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::{Answer, PLATE_LOADED_RECENTLY, PLATE_SILENT, push_command};
 use crate::rings::CommandEnds;

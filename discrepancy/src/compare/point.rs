@@ -1,9 +1,9 @@
 //! One snapshot, smoothed and differentiated: predictions of the model and measurements of the plate.
 
+use equipoise_core::GRAVITY_M_PER_S2;
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::motion::inertia::momentum_rate_by_segment;
 use equipoise_core::motion::{MassDistribution, Motion};
-use equipoise_core::overload::GRAVITY_M_PER_S2;
 use nalgebra::Vector3;
 
 use super::options::Options;

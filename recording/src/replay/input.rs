@@ -9,8 +9,8 @@ use equipoise_adapters::recording::{Recording, Reloaded};
 use equipoise_config::method::MASS_KG;
 use equipoise_config::model::LoadedModel;
 use equipoise_config::{Config, SuitPosition, similar};
+use equipoise_core::GRAVITY_M_PER_S2;
 use equipoise_core::cycle::{Settings, Similar};
-use equipoise_core::overload::GRAVITY_M_PER_S2;
 use equipoise_core::time::NS_PER_S;
 
 use super::capture_file::CaptureFile;

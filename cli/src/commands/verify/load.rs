@@ -8,8 +8,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, bail};
 use equipoise_config::Config;
+use equipoise_core::GRAVITY_M_PER_S2;
 use equipoise_core::message::{Incident, State};
-use equipoise_core::overload::GRAVITY_M_PER_S2;
 use equipoise_files::{Existing, write_regular};
 use equipoise_station::state_directory::StateDirectory;
 use equipoise_station::status::{self, Status};

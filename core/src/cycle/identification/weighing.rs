@@ -4,10 +4,10 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::Identification;
+use crate::GRAVITY_M_PER_S2;
 use crate::cycle::settings::Settings;
 use crate::math;
 use crate::motion::unloaded::{CORRELATION_S, SIGMAS_OF_A_LOAD};
-use crate::overload::GRAVITY_M_PER_S2;
 
 /// Range of readings accepted as a body mass, kg.
 const BODY_MASS_KG: core::ops::RangeInclusive<f64> = 25.0..=250.0;

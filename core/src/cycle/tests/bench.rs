@@ -8,6 +8,7 @@ use std::vec::Vec;
 use bytemuck::Zeroable;
 use nalgebra::Vector3;
 
+use crate::GRAVITY_M_PER_S2;
 use crate::body::{Anthropometry, SEGMENTS, Segment, Sex, Skeleton};
 use crate::cycle::*;
 use crate::frame::{Pose, StationWorld, wxyz};
@@ -15,7 +16,6 @@ use crate::kalman::STATES;
 use crate::message::Component;
 use crate::message::state::Phase;
 use crate::message::suit::SuitBlocks;
-use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::{Posture, posture};
 use crate::sesc::{Phi, centre_of_mass};
 

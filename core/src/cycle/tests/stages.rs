@@ -10,7 +10,7 @@ use crate::cycle::placement::Placement;
 use crate::cycle::prediction::{Prediction, PredictionState};
 use crate::cycle::stillness::Stillness;
 use crate::frame::Pose;
-use crate::motion::History;
+use crate::motion::{History, Unloaded};
 use crate::static_pose::{WINDOW, Window};
 
 const PERIOD_NS: u64 = 10_000_000;
@@ -188,7 +188,7 @@ fn a_load_is_the_force_beyond_the_prediction_and_unknown_while_a_sensor_is_impla
         );
         let loading = overload(
             &fixture.settings,
-            &mut fixture.load,
+            (&mut fixture.load, &Unloaded::zeroed()),
             &instant,
             &ground,
             &prediction,
@@ -202,7 +202,7 @@ fn a_load_is_the_force_beyond_the_prediction_and_unknown_while_a_sensor_is_impla
         let suspect = Ground { invalid: Validity::SUIT_IMPLAUSIBLE, ..ground };
         let none = overload(
             &fixture.settings,
-            &mut fixture.load,
+            (&mut fixture.load, &Unloaded::zeroed()),
             &instant,
             &suspect,
             &prediction,
