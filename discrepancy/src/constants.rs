@@ -10,8 +10,7 @@
 //! - *bench*: chosen, and held only as part of the whole by `equipoise-study hidden bench` (docs/discrepancy.md,
 //!   "Accuracy") and `.ci/blind-bench`: no run of this value by itself is recorded;
 //! - *budget*: chosen, bounds time or memory (docs/discrepancy.md, "Speed and memory");
-//! - *display*: chosen, affects only what a report shows;
-//! - *chosen*: none of these.
+//! - *display*: chosen, affects only what a report shows; *chosen*: none of these.
 
 use std::f64::consts::PI;
 use std::time::Duration;
@@ -19,6 +18,8 @@ use std::time::Duration;
 use equipoise_core::GRAVITY_M_PER_S2;
 use equipoise_core::effect::Effect;
 
+/// Columns of a block of a Cholesky factor. Unit: 1. Origin: budget.
+pub(crate) const FACTOR_COLUMNS: usize = 64;
 // Recordings.
 
 /// Period of the loop in the workflow: every suit sample is evaluated. Unit: ns. Origin: chosen.

@@ -1,10 +1,9 @@
-//! Dense algebra on a few thousand rows, one thread: a blocked factors and solutions on the products of nalgebra.
+//! Dense algebra on a few thousand rows, one thread: Cholesky factors in blocks, so that most of the work is nalgebra's
+//! matrix product.
 
 use nalgebra::DMatrix;
 
-/// Columns of one step of a blocked factorisation: its products are large enough for the kernel of `matrixmultiply`, and
-/// its own loops small (1200 rows: 32 to 128 differ by less than 5 %).
-const BLOCK: usize = 64;
+use crate::constants::FACTOR_COLUMNS;
 
 /// Lower Cholesky factor of a covariance.
 #[derive(Debug, Clone)]
@@ -17,15 +16,15 @@ impl Factor {
     pub(crate) fn of(matrix: &DMatrix<f64>) -> Option<Factor> {
         // nalgebra's own factorisation takes five times as long: it has no blocks.
         let (mut lower, size) = (matrix.clone(), matrix.nrows());
-        for first in (0..size).step_by(BLOCK) {
-            let width = BLOCK.min(size - first);
+        for first in (0..size).step_by(FACTOR_COLUMNS) {
+            let width = FACTOR_COLUMNS.min(size - first);
             let (next, below) = (first + width, size - first - width);
             let diagonal = lower.view((first, first), (width, width)).into_owned().cholesky()?.unpack();
             lower.view_mut((first, first), (width, width)).copy_from(&diagonal);
             solve_right(&mut lower, &diagonal, first, next);
             let panel = lower.view((next, first), (below, width)).into_owned();
-            for column in (0..below).step_by(BLOCK) {
-                let (rows, columns) = (below - column, BLOCK.min(below - column));
+            for column in (0..below).step_by(FACTOR_COLUMNS) {
+                let (rows, columns) = (below - column, FACTOR_COLUMNS.min(below - column));
                 let across = panel.rows(column, columns).transpose();
                 let mut rest = lower.view_mut((next + column, next + column), (rows, columns));
                 rest.gemm(-1.0, &panel.rows(column, rows), &across, 1.0);
@@ -44,8 +43,8 @@ impl Factor {
     /// some.
     pub(crate) fn whiten_from(&self, from: usize, columns: &mut DMatrix<f64>) {
         let size = columns.nrows();
-        for first in (0..size).step_by(BLOCK) {
-            let width = BLOCK.min(size - first);
+        for first in (0..size).step_by(FACTOR_COLUMNS) {
+            let width = FACTOR_COLUMNS.min(size - first);
             let (next, below) = (first + width, size - first - width);
             let diagonal = self.lower.view((from + first, from + first), (width, width));
             diagonal.solve_lower_triangular_mut(&mut columns.rows_mut(first, width));
@@ -58,8 +57,8 @@ impl Factor {
     /// `L⁻ᵀ columns`.
     pub(crate) fn solve_transposed(&self, columns: &mut DMatrix<f64>) {
         let size = columns.nrows();
-        for first in (0..size).step_by(BLOCK).rev() {
-            let width = BLOCK.min(size - first);
+        for first in (0..size).step_by(FACTOR_COLUMNS).rev() {
+            let width = FACTOR_COLUMNS.min(size - first);
             let (next, below) = (first + width, size - first - width);
             let panel = self.lower.view((next, first), (below, width)).transpose();
             let solved = columns.rows(next, below).into_owned();
@@ -84,8 +83,8 @@ impl Factor {
         let size = self.len();
         // L⁻¹, whose columns are zero above the diagonal.
         let mut whitened = DMatrix::identity(size, size);
-        for first in (0..size).step_by(BLOCK) {
-            let width = BLOCK.min(size - first);
+        for first in (0..size).step_by(FACTOR_COLUMNS) {
+            let width = FACTOR_COLUMNS.min(size - first);
             let (next, below) = (first + width, size - first - width);
             let diagonal = self.lower.view((first, first), (width, width));
             diagonal.solve_lower_triangular_mut(&mut whitened.view_mut((first, 0), (width, next)));
@@ -94,8 +93,8 @@ impl Factor {
             whitened.view_mut((next, 0), (below, next)).gemm(-1.0, &panel, &solved, 1.0);
         }
         let (transposed, mut inverse) = (whitened.transpose(), DMatrix::zeros(size, size));
-        for first in (0..size).step_by(BLOCK) {
-            let (width, below) = (BLOCK.min(size - first), size - first);
+        for first in (0..size).step_by(FACTOR_COLUMNS) {
+            let (width, below) = (FACTOR_COLUMNS.min(size - first), size - first);
             let (left, right) = ((first, first), whitened.view((first, first), (below, width)));
             let mut lower = inverse.view_mut((first, first), (below, width));
             lower.gemm(1.0, &transposed.view(left, (below, below)), &right, 0.0);
