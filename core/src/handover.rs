@@ -24,14 +24,13 @@ use core::ops::RangeInclusive;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::GRAVITY_M_PER_S2;
 use crate::body::anthropometry::ANKLE_HEIGHT;
 use crate::body::{JOINTS, Joint, SEGMENTS, Side, Skeleton};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::overload::load_position::{AHEAD_M, AHEAD_SIGMA_M, EVEN, EVEN_SIGMA};
-use crate::overload::{
-    self, FootDeviation, FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing, TorqueLimits,
-};
+use crate::overload::{self, FootDeviation, FootLoads, Loading, LoadingSigma, Swing, TorqueLimits};
 use crate::sesc::{Phi, centre_of_mass};
 
 use coordinates::{COORDINATES, Coordinates, WRIST};
