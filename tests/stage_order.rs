@@ -79,7 +79,8 @@ fn copy_directory(from: &Path, to: &Path) {
 /// Appends one copy of a function per pair of adjacent statements.
 fn append_exchanged(source: &mut String, name: &str) -> Vec<Exchanged> {
     let is_named = |at: &usize| source[at + 3 + name.len()..].starts_with(['(', '<']);
-    let mut starts = source.match_indices(&format!("fn {name}")).map(|(at, _)| at).filter(is_named);
+    let head = format!("fn {name}");
+    let mut starts = source.match_indices(&head).map(|(at, _)| at).filter(is_named);
     let start = starts.next().unwrap_or_else(|| panic!("cycle.rs has no function `{name}`"));
     let length = source[start..].find("\n}\n").expect("the function has no end");
     let function = source[start..start + length].to_owned();
