@@ -5,11 +5,10 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
+use equipoise_core::GRAVITY_M_PER_S2;
 use equipoise_core::body::{Joint, Side};
 use equipoise_core::frame::{Pose, StationWorld};
-use equipoise_core::overload::{
-    self, FootDeviation, FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing,
-};
+use equipoise_core::overload::{self, FootDeviation, FootLoads, Loading, LoadingSigma, Swing};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::person::Person;
