@@ -4,13 +4,12 @@
 //! drawings. Log odds are natural logarithms. Priors of the effects themselves belong to [`equipoise_core::effect`].
 //!
 //! Origins:
-//! - *derived*: follows from the stated quantities;
-//! - *reference*: the named source;
+//! - *derived*: follows from the stated quantities; *reference*: the named source;
 //! - *prototype*: from the numeric prototype of this workflow (Monte Carlo of a 15-segment body; not in this repository);
 //! - *bench*: chosen, and held only as part of the whole by `equipoise-study hidden bench` (docs/discrepancy.md,
 //!   "Accuracy") and `.ci/blind-bench`: no run of this value by itself is recorded;
-//! - *budget*: chosen, bounds time or memory (docs/discrepancy.md, "Speed and memory");
-//! - *display*: chosen, affects only what a report shows; *chosen*: none of these.
+//! - *budget*: chosen, bounds time or memory (docs/discrepancy.md, "Speed and memory"); *display*: chosen, affects only
+//!   what a report shows; *chosen*: none of these.
 
 use std::f64::consts::PI;
 use std::time::Duration;
@@ -20,8 +19,8 @@ use equipoise_core::effect::Effect;
 
 /// Columns of a block of a Cholesky factor. Unit: 1. Origin: budget.
 pub(crate) const FACTOR_COLUMNS: usize = 64;
-// Recordings.
 
+// Recordings.
 /// Period of the loop in the workflow: every suit sample is evaluated. Unit: ns. Origin: chosen.
 pub(crate) const TICK_NS: u64 = 4_000_000;
 /// Identification starts this late, when earlier samples have left the loop's window. Unit: s. Origin: chosen.
