@@ -2,7 +2,6 @@
 //!
 //! A number is declared here and nowhere else (`tests/constants.rs`); exceptions are array sizes and the geometry of
 //! drawings. Log odds are natural logarithms. Priors of the effects themselves belong to [`equipoise_core::effect`].
-//!
 //! Origins:
 //! - *derived*: follows from the stated quantities; *reference*: the named source;
 //! - *prototype*: from the numeric prototype of this workflow (Monte Carlo of a 15-segment body; not in this repository);
@@ -21,6 +20,7 @@ use equipoise_core::effect::Effect;
 pub(crate) const FACTOR_COLUMNS: usize = 64;
 
 // Recordings.
+
 /// Period of the loop in the workflow: every suit sample is evaluated. Unit: ns. Origin: chosen.
 pub(crate) const TICK_NS: u64 = 4_000_000;
 /// Identification starts this late, when earlier samples have left the loop's window. Unit: s. Origin: chosen.
