@@ -252,6 +252,7 @@ fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Str
     );
     let overload =
         overload(settings, (&mut m.load, &m.unloaded), instant, &ground, &prediction, &estimate, subject);
+    m.ground.ingest_load(overload.as_ref());
     let lag = test_lag(settings, &mut m.lag_test, instant, &ground, &prediction, overload.as_ref(), subject);
     let withheld = validate(instant, &ground, &stillness, overload.as_ref(), lag, subject, streams);
     let outputs = Outputs {

@@ -5,6 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use super::differentiate::Instant;
 use super::identification::{Identification, OTHER_MASS_SIGMA_KG};
 use super::insoles::GroundSigma;
+use super::loading::Overload;
 use super::residual::Residual;
 use super::settings::{Motion, Settings};
 use super::streams::Streams;
@@ -57,6 +58,8 @@ pub(super) struct GroundState {
     last: Reading,
     /// 1 if the next sample may be compared with it.
     last_is_usable: u64,
+    /// 1 while the load at the last instant may be another gain after a gap.
+    gain_is_doubtful: u64,
 }
 
 /// The ground at one instant.
@@ -74,6 +77,8 @@ pub(super) struct Ground {
     pub(super) rate_n_per_s: f64,
     /// Stamp of the first sample after the last gap, ns; 0 for none.
     pub(super) resumed_ns: u64,
+    /// Whether the device may have another gain since then.
+    pub(super) gain_is_doubtful: bool,
     /// Validity flags raised by the stage.
     pub(super) invalid: Validity,
 }
@@ -156,6 +161,7 @@ pub(super) fn measure_ground(
         offset_n,
         rate_n_per_s: state.rates[0].height(),
         resumed_ns: streams.ground_resumed_ns,
+        gain_is_doubtful: state.gain_is_doubtful == 1,
         invalid,
     }
 }
@@ -254,6 +260,12 @@ impl GroundState {
         }
     }
 
+    /// Ingests the load of an instant: while it is implausible, so is the shear of the same device.
+    pub(super) fn ingest_load(&mut self, overload: Option<&Overload>) {
+        let is_implausible = |overload: &Overload| overload.invalid.any_of(Validity::GROUND_IMPLAUSIBLE);
+        self.gain_is_doubtful = u64::from(overload.is_some_and(is_implausible));
+    }
+
     fn note_usability(&mut self, invalid: Validity) {
         let unusable = Validity::INVALIDATES_COP_MEASURED.and(Validity::IMPLAUSIBLE);
         self.last_is_usable = u64::from(!invalid.any_of(unusable));
@@ -265,5 +277,6 @@ impl GroundState {
             && self.rates.iter().all(Envelope::is_sound)
             && self.last.force_n.iter().chain(&self.last.cop_m).all(|value| value.is_finite())
             && self.last_is_usable <= 1
+            && self.gain_is_doubtful <= 1
     }
 }

@@ -8,7 +8,7 @@
 mod jumps;
 
 use bytemuck::{Pod, Zeroable};
-use jumps::{JUMP_GAP_MAX_NS, JUMP_HOLDS_NS, JumpDetector, LEVER_MAX_M, Reading};
+use jumps::{JUMP_HOLDS_NS, JumpDetector, LEVER_MAX_M, Reading};
 
 use super::identification::Identification;
 use super::memory::EMPTY_PLATE_N;
@@ -33,6 +33,10 @@ const POSE_EVIDENCE_NS: u64 = 100_000_000;
 const POSE_MOVES_M: f64 = 1e-3;
 /// Number of readings from which the probability of repetitions is estimated.
 const READINGS_KEPT: f64 = 4096.0;
+
+/// A ground device that starts again, perhaps with another gain, is silent for longer than this, ns; lost samples rarely
+/// make such a gap.
+const RESTART_MIN_NS: u64 = 300_000_000;
 
 /// Maximum distance of a segment from the position that its parent's orientation implies, m; beyond it, the orientation
 /// is wrong. Shoulder blades slide and soft tissue yields by centimetres …
@@ -210,7 +214,7 @@ impl Plausibility {
     pub(super) fn check_ground(&mut self, sample: &GroundSample, before: Option<&GroundSample>) -> bool {
         let time_ns = sample.sample_time_ns;
         let from_ns = before.map_or(time_ns, |before| before.sample_time_ns);
-        if time_ns.saturating_sub(from_ns) > JUMP_GAP_MAX_NS {
+        if time_ns.saturating_sub(from_ns) > RESTART_MIN_NS {
             self.resumed_ns = time_ns;
         }
         let mut is_plausible = true;

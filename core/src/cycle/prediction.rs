@@ -173,8 +173,9 @@ fn body_motion(
     let limit_n = load_limit_n(settings, delta_f_sigma_n(ground, &noise.sigma()));
     let load_kg = if delta_f_n > limit_n { body.load_kg(delta_f_n) } else { 0.0 };
     // Shear is unusable while the heading of the suit is unavailable.
-    let has_shear = sample.measures(Component::Shear) && !instant.place_is_lost && !ground.is_suspect();
-    if !has_shear && !ground.is_suspect() {
+    let is_suspect = ground.is_suspect() || ground.gain_is_doubtful;
+    let has_shear = sample.measures(Component::Shear) && !instant.place_is_lost && !is_suspect;
+    if !has_shear && !is_suspect {
         noise.reset_external_force();
     }
     let by_shear = body.by_shear(sample.force_n, subject.mass_kg, load_kg);

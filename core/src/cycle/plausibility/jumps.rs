@@ -26,7 +26,7 @@ pub(super) const LEVER_MAX_M: f64 = 0.3;
 /// it.
 const JUMP_OVER_NS: u64 = 2_000_000;
 /// Over longer gaps the rate is unavailable, ns: `load_after_gap` compares the load with that before.
-pub(super) const JUMP_GAP_MAX_NS: u64 = 100_000_000;
+const JUMP_GAP_MAX_NS: u64 = 100_000_000;
 /// Time after a jump at which the reading is checked for its return, ns.
 const JUMP_SETTLES_NS: u64 = 25_000_000;
 /// Time for which a jump makes the subsequent readings suspect, ns: twice the window of a motion.
