@@ -114,8 +114,6 @@ pub(super) struct LagTest {
     rejected: u64,
     /// 1 if another lag changes the mass in the hands by more than its σ at the newest sample, or may do so.
     matters: u64,
-    /// Lag in use with which the sums began, s.
-    lag_s: f64,
 }
 
 /// Result of the test at one instant.
@@ -145,17 +143,6 @@ impl LagTest {
             if gap_ns > GAP_MAX_NS {
                 evidence.fill(EVIDENCE);
                 self.rejected = 1;
-            }
-        }
-    }
-
-    /// Ingests the lag in use, s. With another one than that which was rejected, the data must exclude all others again.
-    pub(super) fn ingest_lag(&mut self, lag_s: f64) {
-        if (lag_s - self.lag_s).abs() > LATE_OFF_MAX_S {
-            self.lag_s = lag_s;
-            if self.is_rejected() {
-                self.evidence = [EVIDENCE; OTHERS];
-                self.restart();
             }
         }
     }
@@ -287,7 +274,6 @@ impl LagTest {
             && self.evidence.iter().all(|sum| sum.is_finite() && *sum >= 0.0)
             && self.rejected <= 1
             && self.matters <= 1
-            && self.lag_s.is_finite()
     }
 }
 
