@@ -307,7 +307,7 @@ fn ingest_samples(settings: &Settings, m: &mut Memory, tick: Tick, samples: &Sam
     }
     let (streams, lag) =
         ingest(settings, &mut m.align, &m.prediction.terms, &m.identification, tick, samples);
-    m.lag_test.ingest_gaps([streams.ground_gap_ns, streams.suit_gap_ns]);
+    m.lag_test.ingest_ground_gap(streams.ground_gap_ns);
     if let LagChange::First { exceeds_window } = lag {
         reset_unaligned(settings, m, exceeds_window);
     }

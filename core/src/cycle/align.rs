@@ -66,7 +66,7 @@ pub(super) fn ingest(
     samples: &Samples<'_>,
 ) -> (Streams, LagChange) {
     let AlignState { alignment, plausibility, skew, tare } = state;
-    let (mut ground_gap_ns, mut suit_gap_ns) = (0, 0);
+    let mut ground_gap_ns = 0;
     for sample in samples.ground {
         // Subtract the tare first: it may contain components that this device does not measure.
         let sample = tare.subtract_from(sample).mask_unmeasured();
@@ -92,9 +92,6 @@ pub(super) fn ingest(
         {
             continue;
         }
-        if let Some(newest) = alignment.newest_suit() {
-            suit_gap_ns = suit_gap_ns.max(sample.sample_time_ns.saturating_sub(newest.sample_time_ns));
-        }
         alignment.push_suit(&sample);
         if subject.has_body() {
             let change = skew.update(settings, &sample, subject.anthropometry(), model_lag_s);
@@ -112,7 +109,6 @@ pub(super) fn ingest(
         suit_suspect: plausibility.suit,
         ground_suspect: plausibility.ground,
         ground_gap_ns,
-        suit_gap_ns,
         ground_resumed_ns: plausibility.resumed_ns,
         ground_late_ns: alignment.ground_late_ns(),
         moved_ns: plausibility.moved_ns,

@@ -376,7 +376,6 @@ mod tests {
             suit_suspect: Zeroable::zeroed(),
             ground_suspect: Zeroable::zeroed(),
             ground_gap_ns: 0,
-            suit_gap_ns: 0,
             ground_resumed_ns: 0,
             ground_late_ns: 0,
             moved_ns: 0,

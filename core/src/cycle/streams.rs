@@ -18,8 +18,6 @@ pub(super) struct Streams {
     pub(super) ground_suspect: Span,
     /// Longest interval before a ground sample of this cycle, ns.
     pub(super) ground_gap_ns: u64,
-    /// Longest interval before a suit sample of this cycle, ns.
-    pub(super) suit_gap_ns: u64,
     /// Stamp of the first ground sample after the last gap, ns; 0 for none.
     pub(super) ground_resumed_ns: u64,
     /// Additional waiting time of a suit sample if the ground's stamps are late, ns.
