@@ -283,7 +283,7 @@ async def evaluate(port, scratch, gateway, demo, start):
           f" of {len(beats)} beats; {before_mib:.0f} to {largest_mib:.0f} MiB")
     eater.kill()
 
-    # The daemon dies, and comes back. No value of the next daemon may have arrived before.
+    # The daemon is killed and restarted. No value of the next daemon may have arrived before.
     await until("a good value by subscription", lambda: asyncio.sleep(0, received.is_good or None))
     clock = asyncio.get_running_loop().time
     daemon.kill()
@@ -301,7 +301,7 @@ async def evaluate(port, scratch, gateway, demo, start):
         assert await silent(), "a value came back from the dead"
         await asyncio.sleep(0.05)
     # Subscribers receive the kind of bad status only with a filter (docs/consumers/opcua.md).
-    await until("word of the death", lambda: asyncio.sleep(0, None if received.is_good else True))
+    await until("the bad status after the daemon's end", lambda: asyncio.sleep(0, None if received.is_good else True))
     daemon.wait()
     received.good = 0
     start("demo", demo)

@@ -134,7 +134,7 @@ pub struct Inputs<'a> {
 /// let t_pose_m = Skeleton::nominal(1.77).t_pose_m().map(|[x, y, z]| [x, y, z + 0.95]);
 /// for cycle in 1..=4000 {
 ///     let (time_ns, due_ns) = (cycle * 1_000_000, cycle * 1_000_000 + 500_000);
-///     // Sensors are never silent to the last bit; a plate that repeats a value is frozen.
+///     // Real sensors are noisy: a plate that repeats a value is classified as frozen.
 ///     let noise = 1e-9 * (cycle % 2) as f64;
 ///     let ground = GroundSample {
 ///         sample_time_ns: time_ns,
@@ -174,13 +174,13 @@ struct Samples<'a> {
     body: Option<&'a SuitBody>,
 }
 
-/// All complete instants were processed, the newest at this time, ns.
+/// Evidence that all complete instants were processed; the time of the newest, ns.
 struct Processed(u64);
 
-/// … and the next pose of the identification is planned.
+/// Evidence that the next pose of the identification was planned; the time of the newest instant, ns.
 struct Planned(u64);
 
-/// The state of the cycle is published.
+/// Evidence that the state of the cycle was published.
 struct Published;
 
 /// Applies the command of the cycle.

@@ -179,7 +179,7 @@ impl LatencyLog {
             }
         }
         self.flight_tried = Instant::now();
-        // A failed retry is no news for the journal.
+        // Failed retries are not logged.
         if is_new || failed.is_none() {
             self.set_incident(failed);
         }

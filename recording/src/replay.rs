@@ -147,7 +147,7 @@ impl Replay<'_> {
         Ok(summary)
     }
 
-    /// The settings at the begin. The similar subject's numbers are of no configuration.
+    /// The settings at the start; the numbers of a similar subject are those of the recording.
     fn settings(&self) -> anyhow::Result<Settings> {
         let similar = if self.as_recorded { self.input.similar()? } else { None };
         Ok(Settings { similar, ..self.config.settings() })

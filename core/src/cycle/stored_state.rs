@@ -125,8 +125,8 @@ impl Memory {
         sound
     }
 
-    /// Restores a stored force offset, at least as uncertain as at a first start. After the subject and the tare, to
-    /// which it belongs. Returns whether it is sound and of the mass in use; if not, nothing changes.
+    /// Restores a stored force offset, at least as uncertain as at a first start. Call it after restoring the
+    /// subject and the tare. Returns whether it is sound and of the mass in use; if not, nothing changes.
     pub fn resume_force_offset(&mut self, stored: &StoredForceOffset) -> bool {
         let StoredForceOffset { mean_n, sigma_n, mass_kg, time_ns } = *stored;
         let is_usable = mass_kg > 0.0
@@ -142,8 +142,8 @@ impl Memory {
     }
 
     /// Restores a stored registration. The first suit sample decides whether it is valid: it is dropped if the suit
-    /// restarted in the meantime or the gap is longer than [`SHIFT_VALID_NS`]. After the subject is restored, whose
-    /// stance offset is not less uncertain than the stored one. Returns whether the registration is sound; if not, or
+    /// restarted in the meantime or the gap is longer than [`SHIFT_VALID_NS`]. Call it after restoring
+    /// the subject; the σ of its stance offset is then at least the stored one. Returns whether the registration is sound; if not, or
     /// if the suit does not drift, nothing changes.
     pub fn resume_registration(&mut self, registration: &Registration, settings: &Settings) -> bool {
         let (shift_m, sigma_m) = (registration.station_from_suit_m, registration.station_from_suit_sigma_m);

@@ -202,7 +202,7 @@ impl ShiftPart {
             }
             latest[(part.number - 1) as usize % LATEST_LIFTS] = part.lift();
         }
-        // Beyond the listed lifts, each one damages between 0 and 1.
+        // Each unlisted lift adds a damage of 0 to 1.
         let counted = latest.iter().filter(|lift| lift.number > 0 && lift.undone == 0);
         let (listed, least) = counted.fold((0, 0.0), |(count, sum), lift| (count + 1, sum + lift.damage));
         let most = least + lifts.saturating_sub(listed) as f64;

@@ -14,7 +14,7 @@ use super::{boot, plate_of};
 pub struct ForceOffsetPart {
     /// Boot id of the machine, for `time_ns`.
     boot: String,
-    /// SHA-256 of the subject, its mass and `[ground]`, of all of which the offset contains an error. Subject and mass
+    /// SHA-256 of the subject, its mass and `[ground]`, whose errors the offset includes. Subject and mass
     /// themselves would remain here after that subject is deleted.
     conditions: String,
     mean_n: f64,
@@ -51,7 +51,7 @@ impl ForceOffsetPart {
             return Err("the machine was restarted".to_owned());
         }
         if self.conditions != conditions_of(subject, mass_kg, config) {
-            return Err("the subject, its mass or [ground] is another than it was".to_owned());
+            return Err("the subject, its mass or [ground] has changed".to_owned());
         }
         let age_ns = now_ns.saturating_sub(self.time_ns);
         if age_ns > FORCE_OFFSET_VALID_NS {

@@ -184,8 +184,8 @@ impl Fault {
         }
     }
 
-    /// Silence of suit and ground from the fault's start, s. A delay cannot grow without a gap: what has arrived does
-    /// not arrive again.
+    /// Silence of suit and ground from the fault's start, s. A delay increases only through a gap, because no
+    /// sample is delivered twice.
     fn silent_s(self) -> [f64; 2] {
         match self {
             Fault::LateSuit => [LATE_S, 0.0],

@@ -1,4 +1,4 @@
-// What the header for C++ specifies for wrong calls: no wait for ever, no age that is not looked at, no silent loss.
+// What the header for C++ specifies for wrong calls: no unbounded wait, no unchecked age, no unreported loss.
 #include "equipoise.hpp"
 
 #include <cstdlib>

@@ -138,7 +138,7 @@ fn the_stance_offset_is_part_of_the_stored_position() {
     bench.hold(&person, &postures()[0], None, 500);
     bench.set_stance_offset([0.02, -0.01]);
     let before_m = bench.memory.station_from_suit_m();
-    // An accurate offset is uncertain again by that of a first start, an uncertain one remains it.
+    // The σ is raised to at least that of a first start.
     for (variance_m2, expected_m2) in [(0.0, 9e-4), (0.01, 0.01)] {
         bench.memory.identification.widen_stance_offset_to([variance_m2; 2]);
         let again = restored_bench(&bench, &stored_state(&bench.memory), NS_PER_S);

@@ -274,8 +274,8 @@ fn send_until_disconnected(gateway: &mut Rtde) -> (u64, u64) {
     (gateway.tally().sent - before.sent, gateway.tally().lost - before.lost)
 }
 
-/// Repeats a test until more than one package was dropped before a controller was left: a busy machine may stand still
-/// between the last package that waits and the end.
+/// Repeats a test until more than one package was dropped before the gateway disconnected: a busy machine may stall
+/// between the last waiting package and the end.
 fn until_dropped(test: impl Fn() -> u64) {
     assert!((0..10).any(|_| test() > 1), "none of ten controllers was left with packages dropped");
 }
