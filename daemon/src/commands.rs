@@ -111,14 +111,14 @@ fn answer(
     latest: Option<&State>,
     plate: &PlateHistory,
 ) -> Reply {
-    let outcome = execute(command, ends, active_configuration, subjects, latest, plate)
-        .and_then(|text| await_receipt(ends).map(|()| text));
-    let outcome = match outcome {
+    let outcome = execute(command, ends, active_configuration, subjects, latest, plate);
+    let cycle = ends.control.last_cycle() + 1;
+    let outcome = match outcome.and_then(|text| await_receipt(ends).map(|()| text)) {
         // The stop may be the cause of any failure, such as that of a wait for the loop.
         Err(_) if ends.control.is_stopping() => Err(STOPPING.to_owned()),
         outcome => outcome,
     };
-    reply(ends.control.last_cycle() + 1, outcome)
+    reply(cycle, outcome)
 }
 
 fn execute(

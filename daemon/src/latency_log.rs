@@ -46,7 +46,8 @@ pub struct LatencyLog {
     flight_cycles: u32,
     /// Directory of flight records.
     flights: PathBuf,
-    hlog_failed: bool,
+    /// Why the interval log could not be written.
+    hlog_failed: Option<String>,
     /// The newest flight record that could not be written, and the reason.
     unwritten: Option<(Flight, String)>,
     flight_tried: Instant,
@@ -72,7 +73,7 @@ impl LatencyLog {
             flight: open_flight(&config, &state.flights()),
             flights: state.flights(),
             flight_cycles: config.latency.flight_cycles,
-            hlog_failed: false,
+            hlog_failed: None,
             unwritten: None,
             flight_tried: Instant::now(),
             dropped_reported: 0,
@@ -125,9 +126,9 @@ impl LatencyLog {
         let latency = self.active_configuration.with(|active| active.config.latency.clone());
         if self.hlog.as_ref().map(HlogFile::path) != latency.hlog.as_deref() {
             self.write_hlog(true);
-            if std::mem::take(&mut self.hlog_failed) {
+            if self.hlog_failed.take().is_some() {
                 warn!("what the latency log could not write is lost with it");
-                self.set_incident(None);
+                self.set_incident();
             }
             self.hlog = latency.hlog.as_deref().map(HlogFile::new);
         }
@@ -137,7 +138,7 @@ impl LatencyLog {
             self.flight = open_flight(&self.active_configuration.get().config, &self.flights);
             self.flight_cycles = latency.flight_cycles;
             if self.unwritten.take().is_some() {
-                self.set_incident(None);
+                self.set_incident();
             }
         }
     }
@@ -152,14 +153,14 @@ impl LatencyLog {
                 hlog.path().display()
             )
         });
-        self.hlog_failed = failed.is_some();
-        self.set_incident(failed);
+        self.hlog_failed = failed;
+        self.set_incident();
     }
 
     /// Writes a new flight record and the one that could not be written before, if any.
     fn write_flights(&mut self, new: Option<Flight>) {
         let Some((_, files)) = &self.flight else { return };
-        let (is_new, mut failed) = (new.is_some(), None);
+        let (is_new, mut has_failed) = (new.is_some(), false);
         let before = self.unwritten.take().map(|(flight, _)| flight);
         for flight in before.into_iter().chain(new) {
             match files.write(&flight) {
@@ -173,23 +174,22 @@ impl LatencyLog {
                          flight_cycles = 0`",
                         flight.cycle
                     );
-                    failed = Some(reason.clone());
+                    has_failed = true;
                     self.unwritten = Some((flight, reason));
                 }
             }
         }
         self.flight_tried = Instant::now();
         // Failed retries are not logged.
-        if is_new || failed.is_none() {
-            self.set_incident(failed);
+        if is_new || !has_failed {
+            self.set_incident();
         }
     }
 
     /// Sets the incident that both kinds of file share; it ends once all writes succeed.
-    fn set_incident(&self, failed: Option<String>) {
-        match failed.or_else(|| self.unwritten.as_ref().map(|(_, reason)| reason.clone())) {
-            Some(what) => self.board.begin(Incident::LatencyNotLogged, &what),
-            None if self.hlog_failed => {}
+    fn set_incident(&self) {
+        match self.hlog_failed.as_ref().or(self.unwritten.as_ref().map(|(_, reason)| reason)) {
+            Some(what) => self.board.begin(Incident::LatencyNotLogged, what),
             None => self.board.end(Incident::LatencyNotLogged),
         }
     }

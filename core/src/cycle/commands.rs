@@ -50,7 +50,7 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
         CommandKind::SubjectLoad => {
             // The window contains poses of the previous subject.
             memory.clear_windows();
-            memory.load = Zeroable::zeroed();
+            memory.load.start_subject();
             memory.ground.force_offset.reset();
             memory.pose_request.restart(settings);
             memory.prediction.noise = Zeroable::zeroed();

@@ -60,6 +60,8 @@ pub(super) struct GroundState {
     last_is_usable: u64,
     /// 1 while the load at the last instant may be another gain after a gap.
     gain_is_doubtful: u64,
+    /// Time of a restored force offset until the first instant, ns; 0 for none.
+    restored_ns: u64,
 }
 
 /// The ground at one instant.
@@ -123,7 +125,11 @@ pub(super) fn measure_ground(
     streams: &Streams,
 ) -> Ground {
     let (snapshot, step_s) = (&instant.snapshot, instant.step_s);
-    state.force_offset.predict(step_s);
+    let since_s = match core::mem::take(&mut state.restored_ns) {
+        0 => step_s,
+        restored_ns => snapshot.time_ns.saturating_sub(restored_ns) as f64 * 1e-9,
+    };
+    state.force_offset.predict(since_s);
     state.force_offset.apply_mass(subject.mass_kg, subject.weight_sigma_n());
     let mut sigma = GroundSigma::of(snapshot.ground(), &state.force_offset, settings);
     let is_comparable = step_s > 0.0 && step_s < RATE_STEP_MAX_S && state.last_is_usable == 1;
@@ -229,9 +235,15 @@ impl GroundState {
 
     /// Continues with a stored force offset and its 1-σ, N, of this mass, kg: at least as uncertain as with a mass from
     /// another source.
-    pub(super) fn resume_offset(&mut self, mass_kg: f64, mean_n: f64, sigma_n: f64) {
+    pub(super) fn resume_offset(&mut self, mass_kg: f64, mean_n: f64, sigma_n: f64, time_ns: u64) {
+        self.restored_ns = time_ns;
         let sigma_n = sigma_n.max(GRAVITY_M_PER_S2 * OTHER_MASS_SIGMA_KG);
         self.force_offset.resume(mass_kg, mean_n, sigma_n);
+    }
+
+    /// Time of the force offset, ns, of which the newest instant has the time `newest_ns`.
+    pub(super) fn offset_ns(&self, newest_ns: u64) -> u64 {
+        if self.restored_ns > 0 { self.restored_ns } else { newest_ns }
     }
 
     /// Makes the force offset as uncertain as with a mass from another source: the terms of another model may explain

@@ -57,6 +57,11 @@ pub(super) struct LoadAfterGap {
 }
 
 impl LoadAfterGap {
+    /// The state with another subject, whose load before the gap is zero.
+    pub(super) fn for_another_subject(&self) -> LoadAfterGap {
+        LoadAfterGap { ground_ns: self.ground_ns, is_open: self.is_open, ..Zeroable::zeroed() }
+    }
+
     /// Ingests the external force of an instant; returns whether its load is doubtful.
     pub(super) fn is_doubtful(&mut self, now: &LoadNow) -> bool {
         let last_ns = core::mem::replace(&mut self.ground_ns, now.ground_ns);

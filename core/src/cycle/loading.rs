@@ -41,6 +41,11 @@ pub(super) struct LoadState {
 }
 
 impl LoadState {
+    /// Starts with another subject. Whether the device may have another gain does not depend on the subject.
+    pub(super) fn start_subject(&mut self) {
+        *self = LoadState { after_gap: self.after_gap.for_another_subject(), ..Zeroable::zeroed() };
+    }
+
     /// Resets the position of the load in the hands: it was computed with another model.
     pub(super) fn reset_position(&mut self) {
         self.position.reset();
@@ -80,7 +85,6 @@ impl LoadState {
         }
         // Before the identification the mass may be that of another gain.
         if subject.identified == 0 {
-            self.after_gap = Zeroable::zeroed();
             return false;
         }
         let is_measured = prediction.is_measured && delta_f_n.is_finite() && sigma_n.is_finite();

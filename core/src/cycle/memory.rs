@@ -164,6 +164,7 @@ impl Memory {
             && self.prediction.is_sound()
             && self.identification.is_sound()
             && self.load.is_sound()
+            && self.unloaded.is_sound()
             && self.lag_test.is_sound()
             && self.exposure.is_sound()
             && self.publication.is_sound()

@@ -94,7 +94,7 @@ impl StoredState {
             mean_n: offset.mean_n(),
             sigma_n: offset.mean_sigma_n(),
             mass_kg: offset.mass_kg(),
-            time_ns: memory.history.released_ns(),
+            time_ns: memory.ground.offset_ns(memory.history.released_ns()),
         };
         self.registration = Registration {
             station_from_suit_rad: memory.placement.registration.station_from_suit_rad(),
@@ -134,9 +134,8 @@ impl Memory {
             && mean_n.abs() < EMPTY_PLATE_N
             && (0.0..EMPTY_PLATE_N).contains(&sigma_n);
         if is_usable {
-            self.ground.resume_offset(mass_kg, mean_n, sigma_n);
-            // The zero drifts until the first instant, whose step is the time since this one.
-            self.history.released_ns = time_ns;
+            // The zero drifts until the first instant.
+            self.ground.resume_offset(mass_kg, mean_n, sigma_n, time_ns);
         }
         is_usable
     }

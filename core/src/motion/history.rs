@@ -119,7 +119,7 @@ pub struct History {
     count_in: u64,
     count_out: u64,
     /// Time of the last released snapshot, ns; 0 before it.
-    pub(crate) released_ns: u64,
+    released_ns: u64,
 }
 
 /// More samples than arrive in a century.

@@ -25,7 +25,8 @@ pub(super) const LEVER_MAX_M: f64 = 0.3;
 /// a jump over some ms. Without a filter, the single step detects smaller jumps, because a body loads the plate less in
 /// it.
 const JUMP_OVER_NS: u64 = 2_000_000;
-/// Over longer gaps the rate is unavailable, ns: `load_after_gap` compares the load with that before.
+/// Over longer gaps the rate is unavailable, ns. Only over those in which a device can start again does `load_after_gap`
+/// compare the load with that before.
 const JUMP_GAP_MAX_NS: u64 = 100_000_000;
 /// Time after a jump at which the reading is checked for its return, ns.
 const JUMP_SETTLES_NS: u64 = 25_000_000;
@@ -216,6 +217,8 @@ impl JumpDetector {
     /// previous snapshot. A plate that does so for long enough is accepted again, and so is one without a subject to
     /// compare with.
     pub(super) fn ingest_weight_agreement(&mut self, agrees: Option<bool>, step_s: f64) {
+        // The first instant after a gap is one instant, however long the gap was.
+        let step_s = step_s.min(0.5 * LEVEL_OVER_S);
         self.agreed_s = if agrees.unwrap_or(true) { self.agreed_s + step_s } else { 0.0 };
         if self.agreed_s >= LEVEL_OVER_S && self.jump.by != [0.0; 2] {
             self.jump = Zeroable::zeroed();

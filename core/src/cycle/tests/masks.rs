@@ -227,6 +227,20 @@ fn a_gain_that_changed_over_a_gap_is_no_load_until_the_weight_alone_was_measured
 }
 
 #[test]
+fn the_doubt_about_a_gain_remains_with_another_subject() {
+    let person = Person::real();
+    let mut bench = identified(&person);
+    assert_eq!(after_a_gap(&mut bench, &person, 0.5, 0.0), 0);
+    let subject = SubjectState { identification: bench.memory.identification, exposure: Zeroable::zeroed() };
+    bench.memory.replace_subject(&subject);
+    bench.command(CommandKind::SubjectLoad);
+    for _ in 0..4000 {
+        bench.hold(&person, &hanging(), None, 1);
+        assert!(bench.state().validity().any_of(Validity::INVALIDATES_TORQUES), "a gain is no load");
+    }
+}
+
+#[test]
 fn the_load_from_before_a_gap_of_the_plate_is_valid_after_it_and_another_one_is_not() {
     let person = Person::real();
     let mut bench = identified(&person);

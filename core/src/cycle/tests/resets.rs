@@ -47,7 +47,9 @@ fn another_subject_starts_without_a_load_and_without_a_force_offset() {
     let subject = SubjectState { identification: bench.memory.identification, exposure: Zeroable::zeroed() };
     bench.memory.replace_subject(&subject);
     bench.command(CommandKind::SubjectLoad);
-    assert!(bytemuck::bytes_of(&bench.memory.load).iter().all(|byte| *byte == 0));
+    let mut started = bench.memory.load;
+    started.start_subject();
+    assert_eq!(bytemuck::bytes_of(&bench.memory.load), bytemuck::bytes_of(&started));
     bench.memory.ground.force_offset.apply_mass(MASS_KG, 5.0);
     assert_eq!(bench.memory.ground.force_offset.mean_n(), 0.0);
 }
