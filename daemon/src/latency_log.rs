@@ -188,7 +188,7 @@ impl LatencyLog {
 
     /// Sets the incident that both kinds of file share; it ends once all writes succeed.
     fn set_incident(&self) {
-        match self.hlog_failed.as_ref().or(self.unwritten.as_ref().map(|(_, reason)| reason)) {
+        match self.unwritten.as_ref().map(|(_, reason)| reason).or(self.hlog_failed.as_ref()) {
             Some(what) => self.board.begin(Incident::LatencyNotLogged, what),
             None => self.board.end(Incident::LatencyNotLogged),
         }

@@ -78,10 +78,10 @@ mod tests {
         let mut part = ForceOffsetPart::of(&copy, "a", &here).unwrap();
         assert_eq!(part.offset("a", 71.3, &here, now_ns()), Ok(copy.force_offset));
         for (subject, mass_kg) in [("b", 71.3), ("a", 71.4), ("a", 0.0)] {
-            assert!(part.offset(subject, mass_kg, &here, now_ns()).unwrap_err().contains("another"));
+            assert!(part.offset(subject, mass_kg, &here, now_ns()).unwrap_err().contains("has changed"));
         }
         let moved = config("[ground.frame]\nyaw_deg = 90.0");
-        assert!(part.offset("a", 71.3, &moved, now_ns()).unwrap_err().contains("another"));
+        assert!(part.offset("a", 71.3, &moved, now_ns()).unwrap_err().contains("has changed"));
         let later_ns = now_ns() + FORCE_OFFSET_VALID_NS + 1_000_000_000;
         assert!(part.offset("a", 71.3, &here, later_ns).unwrap_err().contains("601 s old"));
         part.boot.push('x');
