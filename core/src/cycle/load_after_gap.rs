@@ -17,7 +17,7 @@ const STEP_MAX_S: f64 = 0.1;
 /// External force at one instant of an identified subject.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LoadNow {
-    /// Stamp of the ground sample, ns.
+    /// Stamp of the ground sample, ns; 0 for none.
     pub(super) ground_ns: u64,
     /// Stamp of the first ground sample after the last gap, ns; 0 for none.
     pub(super) resumed_ns: u64,

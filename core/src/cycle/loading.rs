@@ -66,46 +66,24 @@ impl LoadState {
     }
 
     /// Whether the load of an instant is implausible: more than hands hold, or perhaps the effect of a gap of the
-    /// ground's samples. `is_carried`: whether there is one.
+    /// ground's samples.
     fn is_implausible(
         &mut self,
         settings: &Settings,
-        instant: &Instant,
-        ground: &Ground,
         prediction: &Prediction,
         subject: Identified<'_>,
-        is_carried: bool,
+        now: &LoadNow,
     ) -> bool {
         if settings.motion == Motion::Paper || subject.mass_kg <= 0.0 {
             return false;
         }
-        let (delta_f_n, sigma_n) = (delta_f_n(ground, prediction, subject), prediction.delta_f_sigma_n);
-        if is_carried && prediction.body.load_kg(delta_f_n) > LOAD_MAX_KG {
+        if now.is_loaded && prediction.body.load_kg(now.delta_f_n) > LOAD_MAX_KG {
             return true;
         }
         // Before the identification the mass may be that of another gain.
-        if subject.identified == 0 {
-            return false;
-        }
-        let is_measured = prediction.is_measured && delta_f_n.is_finite() && sigma_n.is_finite();
-        let Some(sample) = instant.snapshot.ground().filter(|_| is_measured) else { return false };
-        let now = LoadNow {
-            ground_ns: sample.sample_time_ns,
-            resumed_ns: ground.resumed_ns,
-            delta_f_n,
-            sigma_n,
-            threshold_n: settings.load_threshold_n,
-            weight_m_per_s2: prediction.body.load_weight_m_per_s2(),
-            is_loaded: is_carried,
-        };
-        self.after_gap.is_doubtful(&now)
+        let is_measured = prediction.is_measured && now.delta_f_n.is_finite() && now.sigma_n.is_finite();
+        subject.identified != 0 && is_measured && now.ground_ns > 0 && self.after_gap.is_doubtful(now)
     }
-}
-
-/// Vertical external force, N.
-fn delta_f_n(ground: &Ground, prediction: &Prediction, subject: Identified<'_>) -> f64 {
-    let unloaded_n = ground.unloaded_force_n(&subject, prediction.body.specific_force_m_per_s2);
-    ground.reading.force_n[2] - unloaded_n - prediction.terms_force_n[2]
 }
 
 /// External force and, with a load, its effect at one instant.
@@ -170,7 +148,8 @@ pub(super) fn overload(
         return None;
     }
     let vertical_n = ground.reading.force_n[2];
-    let delta_f_n = delta_f_n(ground, prediction, subject);
+    let unloaded_n = ground.unloaded_force_n(&subject, prediction.body.specific_force_m_per_s2);
+    let delta_f_n = vertical_n - unloaded_n - prediction.terms_force_n[2];
     let sigma_n = prediction.delta_f_sigma_n;
     let loaded = state.detect(settings, delta_f_n, sigma_n, instant.snapshot.time_ns);
     let mut invalid = Validity::default();
@@ -185,7 +164,16 @@ pub(super) fn overload(
     if !is_carried {
         state.position.reset();
     }
-    let is_implausible = state.is_implausible(settings, instant, ground, prediction, subject, is_carried);
+    let now = LoadNow {
+        ground_ns: instant.snapshot.ground().map_or(0, |sample| sample.sample_time_ns),
+        resumed_ns: ground.resumed_ns,
+        delta_f_n,
+        sigma_n,
+        threshold_n: settings.load_threshold_n,
+        weight_m_per_s2: prediction.body.load_weight_m_per_s2(),
+        is_loaded: is_carried,
+    };
+    let is_implausible = state.is_implausible(settings, prediction, subject, &now);
     invalid.raise(Validity::GROUND_IMPLAUSIBLE, is_implausible);
     let has_place = !instant.place_is_lost
         && !ground.invalid.any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED));

@@ -141,9 +141,9 @@ impl Memory {
     }
 
     /// Restores a stored registration. The first suit sample decides whether it is valid: it is dropped if the suit
-    /// restarted in the meantime or the gap is longer than [`SHIFT_VALID_NS`]. Call it after restoring
-    /// the subject; the σ of its stance offset is then at least the stored one. Returns whether the registration is sound; if not, or
-    /// if the suit does not drift, nothing changes.
+    /// restarted in the meantime or the gap is longer than [`SHIFT_VALID_NS`]. Call it after restoring the subject; the σ of
+    /// its stance offset is then at least the stored one. Returns whether the registration is sound; if not, or if the
+    /// suit does not drift, nothing changes.
     pub fn resume_registration(&mut self, registration: &Registration, settings: &Settings) -> bool {
         let (shift_m, sigma_m) = (registration.station_from_suit_m, registration.station_from_suit_sigma_m);
         let sound = registration.suit_time_ns > 0
