@@ -130,15 +130,17 @@ impl IncidentBoard {
         }
     }
 
-    /// Begins an incident with the sentence `what`, or updates that of an active one. `details` follow in parentheses,
-    /// but not in the journal, so that they do not make another line.
-    pub fn set_with_details(&self, kind: Incident, what: &str, details: impl FnOnce() -> String) {
+    /// Begins an incident with the sentence `what`, or updates that of an active one. `details`, made from the number of
+    /// incidents of this kind so far, follow in parentheses, but not in the journal, so that they do not make another
+    /// line.
+    pub fn set_with_details(&self, kind: Incident, what: &str, details: impl FnOnce(u64) -> String) {
         if self.is_active(kind) {
             self.log_if_due(kind, what);
         } else {
             self.begin(kind, what);
         }
-        let message = format!("{what} ({})", details());
+        let count = self.begun[kind as usize].load(Ordering::Relaxed);
+        let message = format!("{what} ({})", details(count));
         self.with_messages(|messages| messages.insert(kind.name(), message));
     }
 

@@ -55,37 +55,27 @@ const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
     },
 ];
 
-/// Observations of one flag.
-#[derive(Debug, Clone, Copy, Default)]
-struct Observed {
-    /// Since when the flag is raised, CLOCK_MONOTONIC; `None` while it is not.
-    since_ns: Option<u64>,
-    /// Number of incidents so far.
-    count: u64,
-}
-
 /// Begins, updates and ends the incidents of the flags.
 #[derive(Debug, Default)]
 pub(super) struct ValidityIncidents {
-    observed: [Observed; VALIDITY_INCIDENTS.len()],
+    /// Since when each flag is raised, CLOCK_MONOTONIC; `None` while it is not.
+    since_ns: [Option<u64>; VALIDITY_INCIDENTS.len()],
 }
 
 impl ValidityIncidents {
     /// Ingests the flags of the newest state at `now_ns`, CLOCK_MONOTONIC.
     pub(super) fn update(&mut self, valid: Validity, now_ns: u64, board: &IncidentBoard) {
-        for (entry, observed) in VALIDITY_INCIDENTS.iter().zip(&mut self.observed) {
+        for (entry, since_ns) in VALIDITY_INCIDENTS.iter().zip(&mut self.since_ns) {
             if !valid.any_of(entry.reason) {
-                observed.since_ns = None;
+                *since_ns = None;
                 board.end(entry.incident);
                 continue;
             }
-            let lasts_ns = now_ns.saturating_sub(*observed.since_ns.get_or_insert(now_ns));
+            let lasts_ns = now_ns.saturating_sub(*since_ns.get_or_insert(now_ns));
             if lasts_ns < entry.after_ns {
                 continue;
             }
-            observed.count += u64::from(!board.is_active(entry.incident));
-            let count = observed.count;
-            board.set_with_details(entry.incident, entry.message, || match lasts_ns / NS_PER_S {
+            board.set_with_details(entry.incident, entry.message, |count| match lasts_ns / NS_PER_S {
                 0 => format!("{count} so far, the last just now"),
                 seconds => format!("{count} so far, the last began {seconds} s ago"),
             });
