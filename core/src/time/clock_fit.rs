@@ -19,7 +19,8 @@ const MIN_SAMPLES: u64 = 8;
 const SIGMA_FLOOR_NS: f64 = 1e3;
 /// Larger deviations from the line are no jitter: the counter paused or jumped.
 const BREAK_NS: f64 = 50e6;
-/// A counter that stays behind the line for this long has paused: the fit restarts.
+/// A counter that stays behind the line for this long by a constant time, within [`BREAK_NS`], has paused: the fit
+/// restarts. Samples that wait for the host or the network are late by a time that varies: the line remains valid.
 const BREAK_LASTS_NS: f64 = 1e9;
 
 /// Time at which a sample was taken.
@@ -55,6 +56,14 @@ impl Line {
     }
 }
 
+/// Interval in which every sample is off the line.
+#[derive(Debug, Clone, Copy)]
+struct Off {
+    since_ns: f64,
+    /// Smallest and largest distance above the line, ns.
+    range_ns: [f64; 2],
+}
+
 /// Recursive fit of one stream.
 #[derive(Debug, Clone)]
 pub struct ClockFit {
@@ -72,8 +81,7 @@ pub struct ClockFit {
     line: Line,
     /// Mean distance of the blocks from the line.
     spread_ns: f64,
-    /// Start of the interval in which every sample is off the line.
-    off_since_ns: Option<f64>,
+    off: Option<Off>,
     /// The last estimate returned; later estimates are not earlier.
     last_estimate_ns: u64,
 }
@@ -99,7 +107,7 @@ impl ClockFit {
             open_since_ns: 0.0,
             line: Line { offset_ns: 0.0, period_ns: 0.0 },
             spread_ns: 0.0,
-            off_since_ns: None,
+            off: None,
             last_estimate_ns: 0,
         }
     }
@@ -161,7 +169,7 @@ impl ClockFit {
         let host_ns = first_arrival_ns.saturating_add_signed(since_first_ns).max(self.last_estimate_ns);
         self.last_estimate_ns = host_ns;
         let excess_ns = self.line.excess(self.newest);
-        let off_ns = if self.off_since_ns.is_some() { excess_ns } else { 0.0 };
+        let off_ns = if self.off.is_some() { excess_ns } else { 0.0 };
         Some(Estimate { host_ns, sigma_ns: (self.spread_ns + SIGMA_FLOOR_NS).max(off_ns) as u64 })
     }
 
@@ -191,11 +199,18 @@ impl ClockFit {
         }
         let excess_ns = self.line.excess(point);
         if excess_ns <= BREAK_NS {
-            self.off_since_ns = None;
+            self.off = None;
             // The counter jumped ahead of time; no arrival can be early.
             return excess_ns < -BREAK_NS;
         }
-        point.ns - *self.off_since_ns.get_or_insert(point.ns) > BREAK_LASTS_NS
+        let begun = Off { since_ns: point.ns, range_ns: [excess_ns; 2] };
+        let mut off = self.off.unwrap_or(begun);
+        off.range_ns = [off.range_ns[0].min(excess_ns), off.range_ns[1].max(excess_ns)];
+        if off.range_ns[1] - off.range_ns[0] > BREAK_NS {
+            off = begun;
+        }
+        self.off = Some(off);
+        point.ns - off.since_ns > BREAK_LASTS_NS
     }
 
     /// Stores the open block; makes room by merging pairs of blocks or by dropping the oldest.

@@ -106,6 +106,26 @@ fn a_counter_that_paused_or_jumped_gets_a_new_line() {
 }
 
 #[test]
+fn samples_that_wait_for_seconds_keep_the_line() {
+    // For three seconds a sender is behind by up to 0.5 s and sends what waited at once, again and again.
+    let (mut fit, mut last_arrival_ns) = (ClockFit::new(), 0);
+    for index in 0..10_000_u64 {
+        let taken_ns = START_NS + index * 4_000_000;
+        let waits_ns = if (5000..5750).contains(&index) { 100_000_000 + index % 100 * 4_000_000 } else { 0 };
+        let arrival_ns = last_arrival_ns.max(taken_ns + waits_ns);
+        last_arrival_ns = arrival_ns;
+        fit.observe(index, arrival_ns);
+        let Some(estimate) = fit.estimate(index) else { continue };
+        let error_ns = estimate.host_ns.abs_diff(taken_ns);
+        assert!(error_ns < 1000, "{index}: {error_ns} ns and {estimate:?}");
+        assert!(
+            waits_ns == 0 || estimate.sigma_ns > 90_000_000,
+            "{index}: a pause is not excluded: {estimate:?}"
+        );
+    }
+}
+
+#[test]
 fn equal_and_falling_counters_are_ignored() {
     let mut fit = ClockFit::new();
     for index in 0..20 {
