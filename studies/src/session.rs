@@ -297,7 +297,7 @@ impl Session {
             ground.clear();
         }
         let (fault, injection) = &mut self.fault;
-        injection.put(*fault, simulated_s(now_ns), &mut suit, &mut ground);
+        injection.put(*fault, now_ns, &mut suit, &mut ground);
         let tick = Tick { cycle: self.cycle, due_ns: now_ns };
         let before_ns = self.memory.state.suit_sample_time_ns;
         step(

@@ -8,7 +8,7 @@ use crate::body::{Anthropometry, SEGMENTS};
 use crate::math;
 use crate::message::{GroundSample, SuitSample};
 use crate::static_pose::SPAN_NS;
-use crate::time::skew::{Skew, SkewEstimator};
+use crate::time::{Skew, SkewEstimator, StampShift};
 
 /// An estimate with a larger 1-σ is not published and does not set the first lag, s: beyond it the alignment would be
 /// invalid.
@@ -30,6 +30,10 @@ const SLEW: f64 = 0.5;
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SkewMonitor {
     estimator: SkewEstimator,
+    /// Whether the suit's stamps moved relative to its counter.
+    suit_stamps: StampShift,
+    /// 1 from then until the lag is known again.
+    is_unknown: u64,
     /// Target of the lag and the lag in use, s: positive if the suit is late.
     target_s: f64,
     applied_s: f64,
@@ -59,10 +63,11 @@ impl SkewMonitor {
         let step_s = if self.time_ns == 0 { 0.0 } else { time_ns.saturating_sub(self.time_ns) as f64 * 1e-9 };
         self.time_ns = time_ns;
         if !is_wanted {
-            (self.target_s, self.applied_s, self.is_off) = (0.0, 0.0, 0);
+            (self.target_s, self.applied_s, self.is_off, self.is_unknown) = (0.0, 0.0, 0, 0);
             return false;
         }
         let tracked = self.estimator.at(time_ns);
+        self.is_unknown &= u64::from(!tracked.as_ref().is_some_and(Skew::is_precise));
         let is_first = self.target_s == 0.0;
         // Clocks drift, so a new estimate is better than the lag in use even if it is less precise. After hours without
         // motion it extrapolates the drift by seconds and is not used.
@@ -79,11 +84,17 @@ impl SkewMonitor {
         self.applied_s += (self.target_s - self.applied_s).clamp(-step_max_s, step_max_s);
         let off_s = |skew_s: f64| (skew_s - self.applied_s).abs();
         self.is_off = u64::from(match (tracked, self.estimator.tentative_s()) {
+            _ if self.is_unknown == 1 => true,
             (Some(Skew { skew_s, sigma_s, .. }), _) => off_s(skew_s) > (OFF_SIGMAS * sigma_s).max(OFF_MIN_S),
             (None, Some(skew_s)) => off_s(skew_s) > 2.0 * OFF_MIN_S,
             (None, None) => false,
         });
         is_first && self.target_s.abs() > OFF_MIN_S
+    }
+
+    /// The suit's stamps moved by an unknown part of a delay: no earlier window determines the lag.
+    fn restart(&mut self) {
+        (self.estimator, self.is_unknown) = (Zeroable::zeroed(), 1);
     }
 
     /// Restores a stored lag, s, of which the model subtracts a part; 0 if it was not measured.
@@ -154,6 +165,7 @@ impl SkewMonitor {
             && self.published_s.is_finite()
             && self.published_sigma_s.is_finite()
             && self.is_off <= 1
+            && self.is_unknown <= 1
     }
 }
 
@@ -190,6 +202,10 @@ impl SkewMonitor {
         model_lag_s: f64,
     ) -> LagChange {
         self.model_lag_s = model_lag_s;
+        let stamp_ns = suit.sample_time_ns.saturating_add_signed((1e9 * model_lag_s) as i64);
+        if self.suit_stamps.ingest(suit.session, suit.device_counter, stamp_ns) {
+            self.restart();
+        }
         let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
         let is_first = self.ingest_suit(suit.sample_time_ns, height_m(suit, body), is_wanted);
         let sure = self.estimate().filter(Skew::is_precise);

@@ -1,7 +1,12 @@
 //! Sensor faults without a fault flag, applied to the samples in simulated time.
 
+use std::collections::VecDeque;
+
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::message::{GroundSample, SuitSample};
+use equipoise_core::time::ClockFit;
+
+use crate::sensors::simulated_s;
 
 /// Duration of a glitch, s.
 const GLITCH_S: f64 = 0.02;
@@ -83,7 +88,7 @@ pub enum Fault {
     HighAfterGap,
     /// No reading for half a second, then the wrench times two.
     DoubleAfterGap,
-    /// The suit's poses are 0.3 s old: none for 0.3 s, then each that much later under the stamp of its arrival.
+    /// The suit's samples arrive 0.3 s later, and the adapter's clock fit stamps them.
     LateSuit,
 }
 
@@ -95,7 +100,9 @@ pub struct Injection {
     ground: Option<GroundSample>,
     suit: Option<SuitSample>,
     earlier: Vec<GroundSample>,
-    earlier_suit: Vec<SuitSample>,
+    /// Samples of the late suit that have not arrived, with the time at which they will, and the adapter's clock fit.
+    on_the_way: VecDeque<(u64, SuitSample)>,
+    suit_clock: ClockFit,
 }
 
 impl Fault {
@@ -184,14 +191,13 @@ impl Fault {
         }
     }
 
-    /// Silence of suit and ground from the fault's start, s. A delay increases only through a gap, because no
-    /// sample is delivered twice.
-    fn silent_s(self) -> [f64; 2] {
+    /// Silence of the ground from the fault's start, s. A delay increases only through a gap, because no sample is
+    /// delivered twice.
+    fn ground_silent_s(self) -> f64 {
         match self {
-            Fault::LateSuit => [LATE_S, 0.0],
-            Fault::LatePlate => [0.0, LATE_S],
-            Fault::HighAfterGap | Fault::DoubleAfterGap => [0.0, SILENT_S],
-            _ => [0.0; 2],
+            Fault::LatePlate => LATE_S,
+            Fault::HighAfterGap | Fault::DoubleAfterGap => SILENT_S,
+            _ => 0.0,
         }
     }
 
@@ -277,14 +283,15 @@ impl Injection {
         Injection { span_s: [begins_s, begins_s + fault.lasts_s()], ..Injection::default() }
     }
 
-    /// Applies the fault to the samples of a time, s.
+    /// Applies the fault to the samples of a time, CLOCK_MONOTONIC ns.
     pub fn put(
         &mut self,
         fault: Fault,
-        now_s: f64,
+        now_ns: u64,
         suit: &mut Vec<SuitSample>,
         ground: &mut Vec<GroundSample>,
     ) {
+        let now_s = simulated_s(now_ns);
         let is_on = (self.span_s[0]..self.span_s[1]).contains(&now_s);
         for sample in ground.iter_mut() {
             if fault == Fault::LatePlate {
@@ -299,24 +306,33 @@ impl Injection {
                 fault.on_ground(sample, self);
             }
         }
-        for sample in suit.iter_mut() {
-            if fault == Fault::LateSuit && now_s < self.span_s[1] {
-                self.earlier_suit.push(*sample);
-                let due_ns = due_ns(sample.sample_time_ns);
-                let due = self.earlier_suit.partition_point(|earlier| earlier.sample_time_ns <= due_ns);
-                if is_on && due > 0 {
-                    *sample = with_pose_of(sample, &self.earlier_suit[due - 1]);
-                }
-            } else if is_on {
-                fault.on_suit(sample, self);
-            }
+        if fault == Fault::LateSuit {
+            self.delay(suit, now_ns, if is_on { LATE_S } else { 0.0 });
+        } else if is_on {
+            suit.iter_mut().for_each(|sample| fault.on_suit(sample, self));
         }
-        let [suit_until_s, ground_until_s] = fault.silent_s().map(|silent_s| self.span_s[0] + silent_s);
-        if is_on && now_s < suit_until_s {
-            suit.clear();
-        }
-        if is_on && now_s < ground_until_s {
+        if is_on && now_s < self.span_s[0] + fault.ground_silent_s() {
             ground.clear();
+        }
+    }
+
+    /// Exchanges the samples of now for those that arrive now, with the stamps of the adapter's clock fit.
+    fn delay(&mut self, suit: &mut Vec<SuitSample>, now_ns: u64, late_s: f64) {
+        for sample in suit.drain(..) {
+            let earlier_ns = self.on_the_way.back().map_or(0, |(arrival_ns, _)| *arrival_ns);
+            let arrival_ns = sample.sample_time_ns + (late_s * 1e9) as u64;
+            self.on_the_way.push_back((arrival_ns.max(earlier_ns), sample));
+        }
+        while let Some((arrival_ns, mut sample)) =
+            self.on_the_way.pop_front_if(|(arrival_ns, _)| *arrival_ns <= now_ns)
+        {
+            let counter = u64::from(sample.device_counter);
+            self.suit_clock.observe(counter, arrival_ns);
+            let stamp = self.suit_clock.estimate(counter);
+            (sample.sample_time_ns, sample.sample_time_sigma_ns) =
+                stamp.map_or((arrival_ns, u64::MAX), |stamp| (stamp.host_ns, stamp.sigma_ns));
+            sample.arrival_ns = arrival_ns;
+            suit.push(sample);
         }
     }
 }
@@ -324,20 +340,6 @@ impl Injection {
 /// Stamp of the sample that a late stream delivers at a time, ns.
 fn due_ns(now_ns: u64) -> u64 {
     now_ns.saturating_sub((LATE_S * 1e9) as u64)
-}
-
-/// The body of an earlier sample under the stamps and counters of this one.
-fn with_pose_of(sample: &SuitSample, earlier: &SuitSample) -> SuitSample {
-    SuitSample {
-        position_m: earlier.position_m,
-        orientation_wxyz: earlier.orientation_wxyz,
-        velocity_m_per_s: earlier.velocity_m_per_s,
-        acceleration_m_per_s2: earlier.acceleration_m_per_s2,
-        angular_velocity_rad_per_s: earlier.angular_velocity_rad_per_s,
-        joint_angle_deg: earlier.joint_angle_deg,
-        com_m: earlier.com_m,
-        ..*sample
-    }
 }
 
 /// Rotates an orientation about the world's vertical.
