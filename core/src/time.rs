@@ -2,11 +2,10 @@
 
 pub mod clock_fit;
 pub mod skew;
-pub mod stamp_shift;
+pub mod stamp_monitor;
 
 pub use clock_fit::{ClockFit, Estimate};
 pub use skew::{Skew, SkewEstimator};
-pub use stamp_shift::StampShift;
 
 /// Nanoseconds in a second.
 pub const NS_PER_S: u64 = 1_000_000_000;

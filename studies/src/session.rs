@@ -29,7 +29,7 @@ pub struct Snapshot<'a> {
     pub state: &'a State,
     /// The worker it refers to.
     pub worker: &'a Worker,
-    /// Simulated time that the state belongs to (`suit_sample_time_ns`, not the tick's), s.
+    /// Simulated time that the state belongs to: at which its suit sample was taken, s.
     pub time_s: f64,
     /// The newest early state.
     pub early: &'a EarlyState,
@@ -333,7 +333,9 @@ impl Session {
             return None;
         }
         self.seen_ns = published_ns;
-        let time_of = |stamp_ns: u64| simulated_s(stamp_ns.saturating_sub(self.rig.suit_late_ns));
+        let time_of = |stamp_ns: u64| {
+            simulated_s(self.fault.1.taken_ns(stamp_ns).saturating_sub(self.rig.suit_late_ns))
+        };
         let early = self.memory.early();
         Some(Snapshot {
             state: &self.memory.state,

@@ -15,6 +15,7 @@ use super::tare::Tare;
 use super::{Samples, Tick};
 use crate::effect::without_lag_ns;
 use crate::message::SuitSample;
+use crate::time::stamp_monitor::{Stamp, StampMonitor};
 
 /// State of the stage.
 #[repr(C)]
@@ -26,6 +27,8 @@ pub(super) struct AlignState {
     pub(super) plausibility: Plausibility,
     /// Skew between the streams, and the lag used to correct it.
     pub(super) skew: SkewMonitor,
+    /// The suit's stamps against its counter.
+    suit_stamps: StampMonitor,
     /// Readings of the empty plate.
     pub(super) tare: Tare,
 }
@@ -52,6 +55,7 @@ impl AlignState {
         self.alignment.is_sound()
             && self.plausibility.is_sound()
             && self.skew.is_sound()
+            && self.suit_stamps.is_sound()
             && self.tare.is_sound()
     }
 }
@@ -65,7 +69,7 @@ pub(super) fn ingest(
     tick: Tick,
     samples: &Samples<'_>,
 ) -> (Streams, LagChange) {
-    let AlignState { alignment, plausibility, skew, tare } = state;
+    let AlignState { alignment, plausibility, skew, suit_stamps, tare } = state;
     let mut ground_gap_ns = 0;
     for sample in samples.ground {
         // Subtract the tare first: it may contain components that this device does not measure.
@@ -83,9 +87,14 @@ pub(super) fn ingest(
     }
     let mut lag_change = LagChange::None;
     for sample in samples.suit {
+        let stamp = suit_stamps.ingest(sample);
+        if stamp == Stamp::Moved {
+            skew.restart();
+        }
         let model_lag_s = terms.suit_lag_s(&settings.model, sample.sample_time_ns);
         let sample_time_ns = without_lag_ns(sample.sample_time_ns, model_lag_s);
-        let sample = SuitSample { sample_time_ns, ..*sample };
+        let sample_time_sigma_ns = if stamp == Stamp::Even { sample.sample_time_sigma_ns } else { u64::MAX };
+        let sample = SuitSample { sample_time_ns, sample_time_sigma_ns, ..*sample };
         let bones = Bones::of(subject, settings);
         if !alignment.admits_suit(&sample, tick.due_ns)
             || !plausibility.check_suit(&sample, alignment.newest_suit(), &bones)

@@ -11,6 +11,7 @@ use super::load_after_gap::{LoadAfterGap, LoadNow};
 use super::load_in_hands::{LoadInHands, hold_load, locate_load};
 use super::prediction::Prediction;
 use super::settings::{Motion, Settings};
+use super::validity::time_is_uncertain;
 use super::{foot_outline, support};
 use crate::body::{JOINTS, SEGMENTS, Side};
 use crate::frame::{Pose, StationWorld};
@@ -164,8 +165,10 @@ pub(super) fn overload(
     if !is_carried {
         state.position.reset();
     }
+    // The huge σ of an unknown time would last in the mean before a gap.
+    let certain = instant.snapshot.ground().filter(|_| !time_is_uncertain(&instant.snapshot));
     let now = LoadNow {
-        ground_ns: instant.snapshot.ground().map_or(0, |sample| sample.sample_time_ns),
+        ground_ns: certain.map_or(0, |sample| sample.sample_time_ns),
         resumed_ns: ground.resumed_ns,
         delta_f_n,
         sigma_n,

@@ -8,7 +8,7 @@ use crate::body::{Anthropometry, SEGMENTS};
 use crate::math;
 use crate::message::{GroundSample, SuitSample};
 use crate::static_pose::SPAN_NS;
-use crate::time::{Skew, SkewEstimator, StampShift};
+use crate::time::{Skew, SkewEstimator};
 
 /// An estimate with a larger 1-σ is not published and does not set the first lag, s: beyond it the alignment would be
 /// invalid.
@@ -30,9 +30,7 @@ const SLEW: f64 = 0.5;
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SkewMonitor {
     estimator: SkewEstimator,
-    /// Whether the suit's stamps moved relative to its counter.
-    suit_stamps: StampShift,
-    /// 1 from then until the lag is known again.
+    /// 1 from a move of the suit's stamps relative to its counter until the lag is known again.
     is_unknown: u64,
     /// Target of the lag and the lag in use, s: positive if the suit is late.
     target_s: f64,
@@ -92,8 +90,8 @@ impl SkewMonitor {
         is_first && self.target_s.abs() > OFF_MIN_S
     }
 
-    /// The suit's stamps moved by an unknown part of a delay: no earlier window determines the lag.
-    fn restart(&mut self) {
+    /// Restarts after the suit's stamps have moved: no earlier window determines the lag.
+    pub(super) fn restart(&mut self) {
         (self.estimator, self.is_unknown) = (Zeroable::zeroed(), 1);
     }
 
@@ -202,10 +200,6 @@ impl SkewMonitor {
         model_lag_s: f64,
     ) -> LagChange {
         self.model_lag_s = model_lag_s;
-        let stamp_ns = suit.sample_time_ns.saturating_add_signed((1e9 * model_lag_s) as i64);
-        if self.suit_stamps.ingest(suit.session, suit.device_counter, stamp_ns) {
-            self.restart();
-        }
         let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
         let is_first = self.ingest_suit(suit.sample_time_ns, height_m(suit, body), is_wanted);
         let sure = self.estimate().filter(Skew::is_precise);

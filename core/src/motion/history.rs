@@ -170,7 +170,8 @@ impl History {
         self.released_ns
     }
 
-    /// The next snapshot that has `half_window_ns` of motion after it, with its inertia if the window is sufficient.
+    /// The next snapshot that has `half_window_ns` of motion after it, with its inertia if the window is sufficient: its
+    /// time is then as uncertain as the most uncertain one of the window.
     pub fn next(
         &mut self,
         half_window_ns: u64,
@@ -181,29 +182,35 @@ impl History {
         if self.count_out == self.count_in {
             return None;
         }
-        let snapshot = *self.at(self.count_out);
+        let mut snapshot = *self.at(self.count_out);
         let ahead = (self.count_in - 1 - self.count_out) as usize;
         if newest_ns.saturating_sub(snapshot.time_ns) < half_window_ns && ahead < AHEAD_MAX {
             return None;
         }
-        let inertia = self.inertia_at(self.count_out, half_window_ns, accelerations, masses);
+        let inertia = self.inertia_at(self.count_out, half_window_ns, accelerations, masses).map(
+            |(inertia, sigma_ns)| {
+                snapshot.time_sigma_ns = sigma_ns;
+                inertia
+            },
+        );
         self.count_out += 1;
         self.released_ns = snapshot.time_ns;
         Some((snapshot, inertia))
     }
 
-    /// Acceleration of the body at a snapshot; `None` with too few samples on either side, or a gap between them.
+    /// Acceleration of the body at a snapshot, and the largest 1-σ of a time in the window, ns; `None` with too few samples on either side, or a gap between them.
     fn inertia_at(
         &self,
         index: u64,
         half_window_ns: u64,
         accelerations: Accelerations,
         masses: &MassDistribution<'_>,
-    ) -> Option<Inertia> {
+    ) -> Option<(Inertia, u64)> {
         let (first, count, times_s, weights) = self.window_at(index, half_window_ns)?;
-        let mut motion = Motion::zeroed();
+        let (mut motion, mut time_sigma_ns) = (Motion::zeroed(), 0);
         for (position, number) in (first..first + count as u64).enumerate() {
             motion.add(self.at(number), weights.first[position], weights.second[position]);
+            time_sigma_ns = self.at(number).time_sigma_ns.max(time_sigma_ns);
         }
         let window = accelerations::Window { times_s: &times_s, count, weights: &weights };
         let snapshot = |position: usize| self.at(first + position as u64);
@@ -219,7 +226,8 @@ impl History {
         let half_window_ns = full
             .map(|edge| self.at(edge).time_ns.abs_diff(self.at(index).time_ns))
             .fold(half_window_ns, u64::min);
-        Some(Inertia { is_by_suit, half_window_ns, ..Inertia::of(self.at(index), &motion, masses) })
+        let inertia = Inertia { is_by_suit, half_window_ns, ..Inertia::of(self.at(index), &motion, masses) };
+        Some((inertia, time_sigma_ns))
     }
 
     /// Passes every snapshot of the window around the last released one to `visit`, with its weight in a second

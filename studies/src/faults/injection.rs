@@ -21,6 +21,9 @@ const SILENT_S: f64 = 0.5;
 /// Rail of a saturated channel, as a fraction of the vertical force at the fault's start.
 const RAIL_RATIO: f64 = 1.02;
 
+/// Stored stamps of a late suit: 2 s at 240 Hz, longer than a state's age.
+const STAMPED_MAX: usize = 480;
+
 /// A sensor fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
@@ -103,6 +106,8 @@ pub struct Injection {
     /// Samples of the late suit that have not arrived, with the time at which they will, and the adapter's clock fit.
     on_the_way: VecDeque<(u64, SuitSample)>,
     suit_clock: ClockFit,
+    /// Stamps of its last samples, and the times at which they were taken.
+    stamped: VecDeque<[u64; 2]>,
 }
 
 impl Fault {
@@ -316,6 +321,11 @@ impl Injection {
         }
     }
 
+    /// Stamp without the fault of the suit's sample that has this one, ns.
+    pub fn taken_ns(&self, stamp_ns: u64) -> u64 {
+        self.stamped.iter().find(|[stamp, _]| *stamp == stamp_ns).map_or(stamp_ns, |[_, taken_ns]| *taken_ns)
+    }
+
     /// Exchanges the samples of now for those that arrive now, with the stamps of the adapter's clock fit.
     fn delay(&mut self, suit: &mut Vec<SuitSample>, now_ns: u64, late_s: f64) {
         for sample in suit.drain(..) {
@@ -326,12 +336,14 @@ impl Injection {
         while let Some((arrival_ns, mut sample)) =
             self.on_the_way.pop_front_if(|(arrival_ns, _)| *arrival_ns <= now_ns)
         {
-            let counter = u64::from(sample.device_counter);
+            let (counter, taken_ns) = (u64::from(sample.device_counter), sample.sample_time_ns);
             self.suit_clock.observe(counter, arrival_ns);
             let stamp = self.suit_clock.estimate(counter);
             (sample.sample_time_ns, sample.sample_time_sigma_ns) =
                 stamp.map_or((arrival_ns, u64::MAX), |stamp| (stamp.host_ns, stamp.sigma_ns));
             sample.arrival_ns = arrival_ns;
+            self.stamped.truncate(STAMPED_MAX - 1);
+            self.stamped.push_front([sample.sample_time_ns, taken_ns]);
             suit.push(sample);
         }
     }
