@@ -49,16 +49,17 @@ pub struct StampMonitor {
     session: u64,
     /// Time of the first sample, ns; 0 for none.
     first_ns: u64,
-    /// The newest sample that fits the previous ones.
+    /// The newest sample that continues the previous ones.
     newest: Stamped,
     /// Time per count, ns.
     period_ns: f64,
     /// Number of intervals in it.
     intervals: f64,
-    /// 1 if the newest sample was uneven.
-    is_uneven: u64,
-    /// A sample that does not fit: an invalid counter, or the first of moved stamps; a time of 0 for none.
+    /// The last sample if it does not continue them: an invalid counter, or the first of moved stamps or of another rate;
+    /// a time of 0 for none.
     candidate: Stamped,
+    /// Time per count before the candidate, ns; two equal ones are another rate.
+    interval_ns: f64,
 }
 
 impl StampMonitor {
@@ -81,31 +82,36 @@ impl StampMonitor {
             self.average(counts, span_ns);
             return Stamp::Even;
         }
-        let off_ns = |(counts, span_ns): (f64, f64)| match counts {
-            0.0.. => (span_ns - counts * self.period_ns).abs(),
+        let off_ns = |earlier: &Stamped| match sample.since(earlier) {
+            (counts @ 0.0.., span_ns) => (span_ns - counts * self.period_ns).abs(),
             _ => f64::INFINITY,
         };
-        let uneven_ns = off_ns((counts, span_ns));
-        if uneven_ns <= BREAK_NS {
-            (self.newest, self.candidate) = (sample, Stamped::default());
-            let was_uneven = core::mem::replace(&mut self.is_uneven, u64::from(uneven_ns > UNEVEN_NS));
-            match (was_uneven, self.is_uneven) {
-                (_, 0) => self.average(counts, span_ns),
-                // Two in succession: another rate.
-                (1, _) => {
-                    self.intervals = 0.0;
-                    self.average(counts, span_ns);
-                }
-                _ => {}
-            }
-            return if self.is_uneven == 1 { Stamp::Uneven } else { Stamp::Even };
+        if off_ns(&self.newest) <= UNEVEN_NS {
+            self.accept(sample);
+            self.average(counts, span_ns);
+            return Stamp::Even;
         }
-        if self.candidate.time_ns == 0 || off_ns(sample.since(&self.candidate)) > BREAK_NS {
-            self.candidate = sample;
-            return Stamp::Uneven;
+        if self.candidate.time_ns > 0 && off_ns(&self.candidate) <= UNEVEN_NS {
+            let has_moved = off_ns(&self.newest) > BREAK_NS;
+            self.accept(sample);
+            return if has_moved { Stamp::Moved } else { Stamp::Even };
         }
-        (self.newest, self.candidate) = (sample, Stamped::default());
-        Stamp::Moved
+        let (before_ns, had_candidate) = (self.interval_ns, self.candidate.time_ns > 0);
+        let (counts, span_ns) = sample.since(&self.candidate);
+        self.candidate = sample;
+        self.interval_ns = if had_candidate && counts > 0.0 { span_ns / counts } else { 0.0 };
+        let is_steady = (self.interval_ns - before_ns).abs() <= UNEVEN_NS && self.interval_ns > UNEVEN_NS;
+        if is_steady {
+            self.accept(sample);
+            self.intervals = 0.0;
+            self.average(counts, span_ns);
+        }
+        Stamp::Uneven
+    }
+
+    /// Continues with a sample.
+    fn accept(&mut self, sample: Stamped) {
+        (self.newest, self.candidate, self.interval_ns) = (sample, Stamped::default(), 0.0);
     }
 
     fn average(&mut self, counts: f64, span_ns: f64) {
@@ -120,7 +126,7 @@ impl StampMonitor {
         self.period_ns >= 0.0
             && self.period_ns.is_finite()
             && (0.0..=PERIOD_OVER).contains(&self.intervals)
-            && self.is_uneven <= 1
+            && self.interval_ns.abs() < 1e18
     }
 }
 
@@ -175,6 +181,17 @@ mod tests {
         let with = |index: u32| Some((counter(index), stamp_ns(index) - early_ns(index)));
         assert_eq!(found(Stamp::Uneven, with), [300, 450]);
         assert_eq!(found(Stamp::Moved, with), [0; 2]);
+    }
+
+    #[test]
+    fn a_delay_that_ends_with_samples_of_one_instant_moves_the_stamps() {
+        // Of twenty samples that arrive at once, the stamps differ by a nanosecond.
+        let ends = |index: u32| match index {
+            ..300 => stamp_ns(index) + 20 * PERIOD_NS,
+            300..320 => stamp_ns(319) + u64::from(index - 299),
+            _ => stamp_ns(index),
+        };
+        assert_eq!(found(Stamp::Moved, |index| Some((index, ends(index))))[0], 320);
     }
 
     #[test]
