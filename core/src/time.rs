@@ -2,7 +2,6 @@
 
 pub mod clock_fit;
 pub mod skew;
-pub mod stamp_monitor;
 
 pub use clock_fit::{ClockFit, Estimate};
 pub use skew::{Skew, SkewEstimator};

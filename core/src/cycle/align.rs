@@ -10,12 +10,12 @@ use super::model_terms::ModelTerms;
 use super::plausibility::{Bones, Plausibility};
 use super::settings::Settings;
 use super::skew_monitor::{LagChange, SkewMonitor};
+use super::stamp_monitor::{Stamp, StampMonitor};
 use super::streams::Streams;
 use super::tare::Tare;
 use super::{Samples, Tick};
 use crate::effect::without_lag_ns;
 use crate::message::SuitSample;
-use crate::time::stamp_monitor::{Stamp, StampMonitor};
 
 /// State of the stage.
 #[repr(C)]

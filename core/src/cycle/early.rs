@@ -405,6 +405,7 @@ fn newest_instant(settings: &Settings, newest: &Newest<'_>) -> (Instant, Option<
     let grip_m = Side::BOTH.map(|side| Vector3::from(masses.body.grip_m(side.hand())));
     let span_ns = 2 * settings.half_window_ns();
     let motion = causal_motion(history, span_ns, settings.accelerations, &masses, grip_m);
+    snapshot.time_sigma_ns = motion.map_or(snapshot.time_sigma_ns, |motion| motion.inertia.time_sigma_ns);
     if let Some(motion) = motion.filter(|motion| !motion.inertia.is_by_suit)
         && settings.motion != Motion::Paper
         && let Some(time_ns) = snapshot.ground().map(|ground| ground.sample_time_ns)

@@ -61,8 +61,9 @@ pub fn causal_motion(
     let window = accelerations::Window { times_s: &times_s, count, weights: &weights };
     let is_by_suit =
         accelerations::apply_suit_accelerations(&mut motion, accelerations, newest, &window, snapshot);
+    let time_sigma_ns = (0..count).map(|position| snapshot(position).time_sigma_ns).max().unwrap_or(0);
     Some(CausalMotion {
-        inertia: Inertia { is_by_suit, ..Inertia::of(newest, &motion, masses) },
+        inertia: Inertia { is_by_suit, time_sigma_ns, ..Inertia::of(newest, &motion, masses) },
         hand_velocity_m_per_s: hand_velocity.map(Into::into),
         span_ns: if count + 1 == CAPACITY { (-times_s[0] * 1e9) as u64 } else { span_ns },
     })

@@ -170,8 +170,8 @@ impl History {
         self.released_ns
     }
 
-    /// The next snapshot that has `half_window_ns` of motion after it, with its inertia if the window is sufficient: its
-    /// time is then as uncertain as the most uncertain one of the window.
+    /// The next snapshot that has `half_window_ns` of motion after it, with its inertia if the window is sufficient. Its
+    /// time is as uncertain as any in the window.
     pub fn next(
         &mut self,
         half_window_ns: u64,
@@ -187,25 +187,21 @@ impl History {
         if newest_ns.saturating_sub(snapshot.time_ns) < half_window_ns && ahead < AHEAD_MAX {
             return None;
         }
-        let inertia = self.inertia_at(self.count_out, half_window_ns, accelerations, masses).map(
-            |(inertia, sigma_ns)| {
-                snapshot.time_sigma_ns = sigma_ns;
-                inertia
-            },
-        );
+        let inertia = self.inertia_at(self.count_out, half_window_ns, accelerations, masses);
+        snapshot.time_sigma_ns = inertia.map_or(snapshot.time_sigma_ns, |inertia| inertia.time_sigma_ns);
         self.count_out += 1;
         self.released_ns = snapshot.time_ns;
         Some((snapshot, inertia))
     }
 
-    /// Acceleration of the body at a snapshot, and the largest 1-σ of a time in the window, ns; `None` with too few samples on either side, or a gap between them.
+    /// Acceleration of the body at a snapshot; `None` with too few samples on either side, or a gap between them.
     fn inertia_at(
         &self,
         index: u64,
         half_window_ns: u64,
         accelerations: Accelerations,
         masses: &MassDistribution<'_>,
-    ) -> Option<(Inertia, u64)> {
+    ) -> Option<Inertia> {
         let (first, count, times_s, weights) = self.window_at(index, half_window_ns)?;
         let (mut motion, mut time_sigma_ns) = (Motion::zeroed(), 0);
         for (position, number) in (first..first + count as u64).enumerate() {
@@ -226,8 +222,8 @@ impl History {
         let half_window_ns = full
             .map(|edge| self.at(edge).time_ns.abs_diff(self.at(index).time_ns))
             .fold(half_window_ns, u64::min);
-        let inertia = Inertia { is_by_suit, half_window_ns, ..Inertia::of(self.at(index), &motion, masses) };
-        Some((inertia, time_sigma_ns))
+        let inertia = Inertia::of(self.at(index), &motion, masses);
+        Some(Inertia { is_by_suit, half_window_ns, time_sigma_ns, ..inertia })
     }
 
     /// Passes every snapshot of the window around the last released one to `visit`, with its weight in a second

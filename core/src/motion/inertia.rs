@@ -73,6 +73,8 @@ pub struct Inertia {
     pub is_by_suit: bool,
     /// Half the window around the snapshot, ns: less than requested if the history stores less.
     pub half_window_ns: u64,
+    /// Largest 1-σ of a time in the window, ns.
+    pub time_sigma_ns: u64,
 }
 
 impl Inertia {
@@ -84,6 +86,7 @@ impl Inertia {
         upper: UpperInertia::REST,
         is_by_suit: false,
         half_window_ns: 0,
+        time_sigma_ns: 0,
     };
 
     /// Sums over the segments: masses and centres by the table, scaled to this subject's bone lengths.

@@ -18,10 +18,10 @@ const MIN_SAMPLES: u64 = 8;
 /// Lower bound of an estimate's σ.
 const SIGMA_FLOOR_NS: f64 = 1e3;
 /// Larger deviations from the line are no jitter: the counter paused or jumped.
-pub(super) const BREAK_NS: f64 = 50e6;
+pub(crate) const BREAK_NS: f64 = 50e6;
 /// A counter that stays behind the line for this long by a constant time, within [`BREAK_NS`], has paused: the fit
 /// restarts. Samples that wait for the host or the network are late by a time that varies: the line remains valid.
-pub(super) const BREAK_LASTS_NS: f64 = 1e9;
+pub(crate) const BREAK_LASTS_NS: f64 = 1e9;
 
 /// Time at which a sample was taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

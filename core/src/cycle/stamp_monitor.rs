@@ -1,13 +1,13 @@
 //! Compares the suit's stamps with its counter.
 //!
-//! [`super::clock_fit`] moves its line if samples arrive earlier or, for a second, later than before. Then either the
+//! [`crate::time::clock_fit`] moves its line if samples arrive earlier or, for a second, later than before. Then either the
 //! device paused or the delay changed, which the fit cannot distinguish; and until then the stamps on both sides of the
 //! change have a wrong interval, which would appear as acceleration.
 
 use bytemuck::{Pod, Zeroable};
 
-use super::clock_fit::{BREAK_LASTS_NS, BREAK_NS};
 use crate::message::SuitSample;
+use crate::time::clock_fit::{BREAK_LASTS_NS, BREAK_NS};
 
 /// Larger deviations of an interval between two samples make it uncertain, ns: half a sample of the fastest suit.
 const UNEVEN_NS: f64 = 2e6;
@@ -17,7 +17,7 @@ const PERIOD_OVER: f64 = 256.0;
 
 /// The stamp of a sample relative to the previous ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stamp {
+pub(super) enum Stamp {
     /// As expected by the counter. Lost samples have no effect: their counts are missing too.
     Even,
     /// Earlier or later: the time since the previous sample is unknown.
@@ -45,7 +45,7 @@ impl Stamped {
 /// The stamps of a session. All zero before the first sample.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct StampMonitor {
+pub(super) struct StampMonitor {
     session: u64,
     /// Time of the first sample, ns; 0 for none.
     first_ns: u64,
@@ -64,7 +64,7 @@ pub struct StampMonitor {
 
 impl StampMonitor {
     /// Ingests a sample.
-    pub fn ingest(&mut self, suit: &SuitSample) -> Stamp {
+    pub(super) fn ingest(&mut self, suit: &SuitSample) -> Stamp {
         let sample = Stamped { counter: u64::from(suit.device_counter), time_ns: suit.sample_time_ns };
         if self.first_ns == 0 || self.session != u64::from(suit.session) {
             *self = StampMonitor {
@@ -76,8 +76,9 @@ impl StampMonitor {
             return Stamp::Even;
         }
         let (counts, span_ns) = sample.since(&self.newest);
-        // A clock fit of less than this may have such an error itself.
-        if ((self.newest.time_ns.saturating_sub(self.first_ns)) as f64) < BREAK_LASTS_NS {
+        let age_ns = self.newest.time_ns.saturating_sub(self.first_ns) as f64;
+        // A clock fit of less than this may have such an error itself. A source may not count.
+        if age_ns < BREAK_LASTS_NS || self.intervals == 0.0 {
             self.newest = sample;
             self.average(counts, span_ns);
             return Stamp::Even;
@@ -122,7 +123,7 @@ impl StampMonitor {
     }
 
     /// Whether every number is in range; a stored one is checked before use.
-    pub(crate) fn is_sound(&self) -> bool {
+    pub(super) fn is_sound(&self) -> bool {
         self.period_ns >= 0.0
             && self.period_ns.is_finite()
             && (0.0..=PERIOD_OVER).contains(&self.intervals)
