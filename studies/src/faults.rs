@@ -311,6 +311,7 @@ mod tests {
             Fault::IdentityArms,
             Fault::HighAfterGap,
             Fault::DoubleAfterGap,
+            Fault::LateSuit,
         ];
         let seeds = [3, 4];
         let all = map_in_parallel(&seeds, |seed| faults(&Subject::random(*seed), &wanted, false));

@@ -87,18 +87,22 @@ pub(super) fn ingest(
     }
     let mut lag_change = LagChange::None;
     for sample in samples.suit {
-        let stamp = suit_stamps.ingest(sample);
-        if stamp == Stamp::Moved {
-            skew.restart();
-        }
         let model_lag_s = terms.suit_lag_s(&settings.model, sample.sample_time_ns);
         let sample_time_ns = without_lag_ns(sample.sample_time_ns, model_lag_s);
-        let sample_time_sigma_ns = if stamp == Stamp::Even { sample.sample_time_sigma_ns } else { u64::MAX };
-        let sample = SuitSample { sample_time_ns, sample_time_sigma_ns, ..*sample };
-        let bones = Bones::of(subject, settings);
-        if !alignment.admits_suit(&sample, tick.due_ns)
-            || !plausibility.check_suit(&sample, alignment.newest_suit(), &bones)
-        {
+        let mut aligned = SuitSample { sample_time_ns, ..*sample };
+        if !alignment.admits_suit(&aligned, tick.due_ns) {
+            continue;
+        }
+        match suit_stamps.ingest(sample) {
+            Stamp::Even => {}
+            Stamp::Uneven => aligned.sample_time_sigma_ns = u64::MAX,
+            Stamp::Moved => {
+                aligned.sample_time_sigma_ns = u64::MAX;
+                skew.restart();
+            }
+        }
+        let (sample, bones) = (aligned, Bones::of(subject, settings));
+        if !plausibility.check_suit(&sample, alignment.newest_suit(), &bones) {
             continue;
         }
         alignment.push_suit(&sample);

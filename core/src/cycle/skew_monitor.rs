@@ -289,6 +289,25 @@ mod tests {
         assert!(!watch.is_off() && (watch.lag_s() - 0.162).abs() < 0.005, "{}", watch.lag_s());
     }
 
+    #[test]
+    fn after_moved_stamps_the_lag_is_off_until_it_is_measured_again() {
+        let mut watch: Box<SkewMonitor> = bytemuck::zeroed_box();
+        for index in 0..30 {
+            second(&mut watch, 1000 * index, true, |_| 20);
+        }
+        assert!(!watch.is_off());
+        watch.restart();
+        let mut measured_s = None;
+        for index in 30..60 {
+            second(&mut watch, 1000 * index, true, |_| 320);
+            if !watch.is_off() {
+                measured_s = measured_s.or(Some(index - 29));
+                assert!((watch.lag_s() - 0.32).abs() < 0.01, "{index} s: {}", watch.lag_s());
+            }
+        }
+        assert!(measured_s.is_some_and(|after_s| (5..12).contains(&after_s)), "{measured_s:?}");
+    }
+
     /// Whether the first lag of a suit with this period exceeds the window; the suit's stamps are late by `late_ms`.
     fn first_lag_exceeds_window(period_ms: u64, late_ms: i64) -> bool {
         let mut watch: Box<SkewMonitor> = bytemuck::zeroed_box();

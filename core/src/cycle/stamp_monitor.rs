@@ -1,8 +1,8 @@
 //! Compares the suit's stamps with its counter.
 //!
-//! [`crate::time::clock_fit`] moves its line if samples arrive earlier or, for a second, later than before. Then either the
-//! device paused or the delay changed, which the fit cannot distinguish; and until then the stamps on both sides of the
-//! change have a wrong interval, which would appear as acceleration.
+//! [`crate::time::clock_fit`] moves its line if samples arrive earlier or, for a second, later than before. Then either
+//! the device paused or the delay changed, which the fit cannot distinguish. The interval between the stamps on both
+//! sides of the move is wrong, which would appear as acceleration.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -55,8 +55,8 @@ pub(super) struct StampMonitor {
     period_ns: f64,
     /// Number of intervals in it.
     intervals: f64,
-    /// The last sample if it does not continue them: an invalid counter, or the first of moved stamps or of another rate;
-    /// a time of 0 for none.
+    /// The last sample if it does not continue them: an invalid counter, the first of moved stamps, or of another
+    /// rate; a time of 0 for none.
     candidate: Stamped,
     /// Time per count before the candidate, ns; two equal ones are another rate.
     interval_ns: f64,
@@ -77,7 +77,7 @@ impl StampMonitor {
         }
         let (counts, span_ns) = sample.since(&self.newest);
         let age_ns = self.newest.time_ns.saturating_sub(self.first_ns) as f64;
-        // A clock fit of less than this may have such an error itself. A source may not count.
+        // A younger clock fit may have such an error itself, and some sources do not count.
         if age_ns < BREAK_LASTS_NS || self.intervals == 0.0 {
             self.newest = sample;
             self.average(counts, span_ns);

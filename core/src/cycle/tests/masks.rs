@@ -228,6 +228,33 @@ fn a_gain_that_changed_over_a_gap_is_no_load_until_the_weight_alone_was_measured
 }
 
 #[test]
+fn a_sample_of_unknown_time_does_not_admit_another_gain() {
+    let person = Person::real();
+    let mut bench = identified(&person);
+    bench.disturbance.time_sigma_ns = u64::MAX;
+    bench.hold(&person, &hanging(), None, 20);
+    bench.disturbance.time_sigma_ns = 0;
+    bench.hold(&person, &hanging(), None, 1000);
+    assert_eq!(after_a_gap(&mut bench, &person, 0.5, 0.0), 0);
+}
+
+#[test]
+fn moved_stamps_of_the_suit_are_masked_and_one_invalid_counter_is_not() {
+    let (person, mut bench) = (Person::real(), identified(&Person::real()));
+    let masked = |bench: &mut Bench, cycles: u64| {
+        bench.hold(&person, &hanging(), None, cycles);
+        bench.state().validity().any_of(Validity::CLOCK_UNSYNCHRONISED)
+    };
+    let started_ns = bench.suit_started_ns;
+    bench.suit_started_ns = started_ns + 20 * SUIT_PERIOD_NS;
+    bench.hold(&person, &hanging(), None, 10);
+    bench.suit_started_ns = started_ns;
+    assert!(!masked(&mut bench, 1000), "one counter");
+    bench.suit_started_ns = started_ns + 20 * SUIT_PERIOD_NS;
+    assert!(masked(&mut bench, 1000), "at rest the lag remains unknown");
+}
+
+#[test]
 fn the_doubt_about_a_gain_remains_with_another_subject() {
     let person = Person::real();
     let mut bench = identified(&person);
