@@ -231,8 +231,11 @@ fn a_gain_that_changed_over_a_gap_is_no_load_until_the_weight_alone_was_measured
 fn a_sample_of_unknown_time_does_not_admit_another_gain() {
     let person = Person::real();
     let mut bench = identified(&person);
+    let at = lifted_box(&person, &hanging());
+    bench.hold(&person, &hanging(), Some((6.0, at)), 3000);
+    // The force changes meanwhile: at rest its time has no effect.
     bench.disturbance.time_sigma_ns = u64::MAX;
-    bench.hold(&person, &hanging(), None, 20);
+    bench.hold(&person, &hanging(), None, 200);
     bench.disturbance.time_sigma_ns = 0;
     bench.hold(&person, &hanging(), None, 1000);
     assert_eq!(after_a_gap(&mut bench, &person, 0.5, 0.0), 0);
