@@ -41,7 +41,6 @@ pub mod reported_body;
 mod residual;
 pub mod settings;
 pub mod skew_monitor;
-mod stamp_monitor;
 mod stillness;
 pub mod stored_state;
 mod streams;

@@ -69,9 +69,10 @@ pub struct Fusion {
     /// Samples of the first device, and the end of the wait of each.
     waiting: VecDeque<(GroundSample, u64)>,
     partners: Partners,
-    /// Session of the second device's sample used last: the sessions of both are summed, whether or not the second
-    /// device contributes.
+    /// Session and clock epoch of the second device's sample used last: those of both are summed, whether or not the
+    /// second device contributes.
     second_session: u32,
+    second_epoch: u32,
     counts: Counts,
 }
 
@@ -79,7 +80,7 @@ impl Fusion {
     /// Creates a fusion without samples.
     pub fn new(settings: FusionSettings) -> Fusion {
         let (waiting, partners) = (VecDeque::new(), Partners::default());
-        Fusion { settings, waiting, partners, second_session: 0, counts: Counts::default() }
+        Fusion { settings, waiting, partners, second_session: 0, second_epoch: 0, counts: Counts::default() }
     }
 
     /// Adds a sample of the first device (0) or of the second.
@@ -109,11 +110,11 @@ impl Fusion {
             let whole = match partner {
                 // A fault of the insoles does not invalidate the plate.
                 PartnerLookup::Partner(second) if self.is_plate_alone(&second) => {
-                    self.second_session = second.session;
+                    self.note_second(&second);
                     self.without_partner(&first)
                 }
                 PartnerLookup::Partner(second) => {
-                    self.second_session = second.session;
+                    self.note_second(&second);
                     Some(self.together(&first, &second))
                 }
                 PartnerLookup::NotYet | PartnerLookup::Nothing => self.without_partner(&first),
@@ -148,8 +149,20 @@ impl Fusion {
     /// The sample of a plate without insoles; `None` with two plates.
     fn without_partner(&mut self, first: &GroundSample) -> Option<GroundSample> {
         self.counts.refuse(GroundRefusal::NoPartner.index());
-        let session = first.session.wrapping_add(self.second_session);
-        (self.settings.kind == FusionKind::PlateAndInsoles).then_some(GroundSample { session, ..*first })
+        (self.settings.kind == FusionKind::PlateAndInsoles).then_some(self.with_sums(first))
+    }
+
+    fn note_second(&mut self, second: &GroundSample) {
+        (self.second_session, self.second_epoch) = (second.session, second.clock_epoch);
+    }
+
+    /// The first device's sample with the sums of both sessions and clock epochs.
+    fn with_sums(&self, first: &GroundSample) -> GroundSample {
+        GroundSample {
+            session: first.session.wrapping_add(self.second_session),
+            clock_epoch: first.clock_epoch.wrapping_add(self.second_epoch),
+            ..*first
+        }
     }
 
     fn together(&self, first: &GroundSample, second: &GroundSample) -> GroundSample {
@@ -157,9 +170,8 @@ impl Fusion {
             sample_time_sigma_ns: joint_sigma_ns(first.sample_time_sigma_ns, second.sample_time_sigma_ns),
             arrival_ns: first.arrival_ns.max(second.arrival_ns),
             device_status: first.device_status | second.device_status,
-            session: first.session.wrapping_add(second.session),
             devices: first.devices | second.devices,
-            ..*first
+            ..self.with_sums(first)
         };
         match self.settings.kind {
             FusionKind::TwoPlates { left } => sum(both, [first, second], left),

@@ -101,6 +101,7 @@ impl GroundReceiver {
                 None => (sample.arrival_ns, u64::MAX),
             };
             sample.sample_time_ns = sample.sample_time_ns.saturating_sub(self.settings.latency_ns);
+            sample.clock_epoch = self.clock.epoch();
         }
     }
 

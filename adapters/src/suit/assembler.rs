@@ -312,6 +312,7 @@ impl SuitAssembler {
                 None => (sample.arrival_ns, u64::MAX),
             };
         sample.sample_time_ns = sample.sample_time_ns.saturating_sub(self.settings.latency_ns);
+        sample.clock_epoch = self.clock.epoch();
         for (now, before) in sample.orientation_wxyz.iter_mut().zip(&mut self.last_orientation) {
             let dot: f64 = now.iter().zip(before.iter()).map(|(a, b)| a * b).sum();
             if dot < 0.0 {

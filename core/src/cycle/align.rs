@@ -10,7 +10,6 @@ use super::model_terms::ModelTerms;
 use super::plausibility::{Bones, Plausibility};
 use super::settings::Settings;
 use super::skew_monitor::{LagChange, SkewMonitor};
-use super::stamp_monitor::{Stamp, StampMonitor};
 use super::streams::Streams;
 use super::tare::Tare;
 use super::{Samples, Tick};
@@ -27,8 +26,8 @@ pub(super) struct AlignState {
     pub(super) plausibility: Plausibility,
     /// Skew between the streams, and the lag used to correct it.
     pub(super) skew: SkewMonitor,
-    /// The suit's stamps against its counter.
-    suit_stamps: StampMonitor,
+    /// Clock epoch + 1 of the newest samples of suit and ground; 0 before the first.
+    epochs: [u64; 2],
     /// Readings of the empty plate.
     pub(super) tare: Tare,
 }
@@ -55,7 +54,6 @@ impl AlignState {
         self.alignment.is_sound()
             && self.plausibility.is_sound()
             && self.skew.is_sound()
-            && self.suit_stamps.is_sound()
             && self.tare.is_sound()
     }
 }
@@ -69,7 +67,7 @@ pub(super) fn ingest(
     tick: Tick,
     samples: &Samples<'_>,
 ) -> (Streams, LagChange) {
-    let AlignState { alignment, plausibility, skew, suit_stamps, tare } = state;
+    let AlignState { alignment, plausibility, skew, epochs: [suit_epoch, ground_epoch], tare } = state;
     let mut ground_gap_ns = 0;
     for sample in samples.ground {
         // Subtract the tare first: it may contain components that this device does not measure.
@@ -78,6 +76,9 @@ pub(super) fn ingest(
             if let Some(newest) = alignment.newest_ground() {
                 ground_gap_ns =
                     ground_gap_ns.max(sample.sample_time_ns.saturating_sub(newest.sample_time_ns));
+            }
+            if has_changed(ground_epoch, sample.clock_epoch) {
+                skew.restart();
             }
             if plausibility.check_ground(&sample, alignment.newest_ground()) {
                 skew.ingest_ground(&sample);
@@ -89,19 +90,14 @@ pub(super) fn ingest(
     for sample in samples.suit {
         let model_lag_s = terms.suit_lag_s(&settings.model, sample.sample_time_ns);
         let sample_time_ns = without_lag_ns(sample.sample_time_ns, model_lag_s);
-        let mut aligned = SuitSample { sample_time_ns, ..*sample };
-        if !alignment.admits_suit(&aligned, tick.due_ns) {
+        let sample = SuitSample { sample_time_ns, ..*sample };
+        if !alignment.admits_suit(&sample, tick.due_ns) {
             continue;
         }
-        match suit_stamps.ingest(sample) {
-            Stamp::Even => {}
-            Stamp::Uneven => aligned.sample_time_sigma_ns = u64::MAX,
-            Stamp::Moved => {
-                aligned.sample_time_sigma_ns = u64::MAX;
-                skew.restart();
-            }
+        if has_changed(suit_epoch, sample.clock_epoch) {
+            skew.restart();
         }
-        let (sample, bones) = (aligned, Bones::of(subject, settings));
+        let bones = Bones::of(subject, settings);
         if !plausibility.check_suit(&sample, alignment.newest_suit(), &bones) {
             continue;
         }
@@ -127,6 +123,12 @@ pub(super) fn ingest(
         moved_ns: plausibility.moved_ns,
     };
     (streams, lag_change)
+}
+
+/// Stores a stream's clock epoch; returns whether it differs from the previous one.
+fn has_changed(stored: &mut u64, epoch: u32) -> bool {
+    let before = core::mem::replace(stored, u64::from(epoch) + 1);
+    before > 0 && before != *stored
 }
 
 /// The next suit sample whose wrench is available, or that has waited long enough.

@@ -22,7 +22,7 @@ use crate::motion::{History, Unloaded};
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
-pub const MEMORY_VERSION: u64 = 24;
+pub const MEMORY_VERSION: u64 = 25;
 
 /// The loop's state between two steps. About 1.03 MB: allocate it in a `Box`.
 #[repr(C)]

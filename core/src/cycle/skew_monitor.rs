@@ -30,7 +30,7 @@ const SLEW: f64 = 0.5;
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SkewMonitor {
     estimator: SkewEstimator,
-    /// 1 from a move of the suit's stamps relative to its counter until the lag is known again.
+    /// 1 from a change of a stream's clock epoch until the lag is known again.
     is_unknown: u64,
     /// Target of the lag and the lag in use, s: positive if the suit is late.
     target_s: f64,
@@ -90,7 +90,7 @@ impl SkewMonitor {
         is_first && self.target_s.abs() > OFF_MIN_S
     }
 
-    /// Restarts after the suit's stamps have moved: no earlier window determines the lag.
+    /// Restarts after a change of a stream's clock epoch: no earlier window determines the lag.
     pub(super) fn restart(&mut self) {
         (self.estimator, self.is_unknown) = (Zeroable::zeroed(), 1);
     }

@@ -46,8 +46,9 @@ message! {
         pub devices: u32,
         /// Frame of `foot_cop_m`: 0 world, 1 insole ([`FootFrame`]).
         pub foot_frame: u32,
-        /// Always zero.
-        pub reserved: u32,
+        /// Increments when `sample_time_ns` moves relative to the counter by more than 50 ms: the delay has changed, or
+        /// the device paused.
+        pub clock_epoch: u32,
         /// Always zero; pads the message to a multiple of 64 bytes.
         pub reserved_tail: [u64; 2],
     }

@@ -33,8 +33,9 @@ message! {
         pub avatar: u32,
         /// Optional blocks in this sample: a union of [`SuitBlocks`] bits. Other blocks are zero and invalid.
         pub blocks: u32,
-        /// Always zero.
-        pub reserved: u32,
+        /// Increments when `sample_time_ns` moves relative to the counter by more than 50 ms: the delay has changed, or
+        /// the suit paused.
+        pub clock_epoch: u32,
         /// Segment origins (proximal joint centres), suit world, m.
         pub position_m: [[f64; 3]; SEGMENTS],
         /// Rotation `suitworld_from_segment`, unit quaternion, scalar first.

@@ -17,18 +17,22 @@ const WINDOW_NS: f64 = LAST_BLOCK_NS * BLOCKS as f64;
 const MIN_SAMPLES: u64 = 8;
 /// Lower bound of an estimate's σ.
 const SIGMA_FLOOR_NS: f64 = 1e3;
-/// Larger deviations from the line are no jitter: the counter paused or jumped.
-pub(crate) const BREAK_NS: f64 = 50e6;
-/// A counter that stays behind the line for this long by a constant time, within [`BREAK_NS`], has paused: the fit
-/// restarts. Samples that wait for the host or the network are late by a time that varies: the line remains valid.
-pub(crate) const BREAK_LASTS_NS: f64 = 1e9;
+/// Larger deviations from the line are no jitter: samples wait, or the counter paused or jumped.
+const BREAK_NS: f64 = 50e6;
+/// If late arrivals follow another straight line for this long, within [`STEADY_NS`], the counter paused or changed its
+/// rate: the fit restarts. Samples that wait for a host or network do not: the line remains valid.
+const BREAK_LASTS_NS: f64 = 1e9;
+/// Jitter of samples that do not wait.
+const STEADY_NS: f64 = 10e6;
+/// A larger move of the line makes the time since the previous sample unknown: half a sample of the fastest suit.
+const UNEVEN_NS: f64 = 2e6;
 
 /// Time at which a sample was taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Estimate {
     /// Time on the host's clock. Never later than the sample's arrival, never earlier than the previous estimate.
     pub host_ns: u64,
-    /// 1-σ, without the constant part of the delay.
+    /// 1-σ, without the constant part of the delay; `u64::MAX` if the time since the previous estimate is unknown.
     pub sigma_ns: u64,
 }
 
@@ -56,12 +60,26 @@ impl Line {
     }
 }
 
-/// Interval in which every sample is off the line.
+/// Late samples, all of them within [`STEADY_NS`] of a straight line through the first.
 #[derive(Debug, Clone, Copy)]
-struct Off {
-    since_ns: f64,
-    /// Smallest and largest distance above the line, ns.
-    range_ns: [f64; 2],
+struct Late {
+    first: Point,
+    /// Bounds of that line's slope, ns per count.
+    period_ns: [f64; 2],
+}
+
+impl Late {
+    fn from(first: Point) -> Late {
+        Late { first, period_ns: [0.0, f64::INFINITY] }
+    }
+
+    /// Adds the next sample; `None` if no line passes all of them.
+    fn and(mut self, point: Point) -> Option<Late> {
+        let (counts, span_ns) = (point.counts - self.first.counts, point.ns - self.first.ns);
+        self.period_ns[0] = self.period_ns[0].max((span_ns - STEADY_NS) / counts);
+        self.period_ns[1] = self.period_ns[1].min((span_ns + STEADY_NS) / counts);
+        (self.period_ns[0] <= self.period_ns[1]).then_some(self)
+    }
 }
 
 /// Recursive fit of one stream.
@@ -79,9 +97,13 @@ pub struct ClockFit {
     open: Point,
     open_since_ns: f64,
     line: Line,
-    /// Mean distance of the blocks from the line.
+    /// Median distance of the blocks from the line: half of them may have waited.
     spread_ns: f64,
-    off: Option<Off>,
+    late: Option<Late>,
+    /// Recent moves of the line at the newest sample, and whether the last sample moved it by more than [`UNEVEN_NS`].
+    moved_ns: f64,
+    is_uneven: bool,
+    epoch: u32,
     /// The last estimate returned; later estimates are not earlier.
     last_estimate_ns: u64,
 }
@@ -107,14 +129,24 @@ impl ClockFit {
             open_since_ns: 0.0,
             line: Line { offset_ns: 0.0, period_ns: 0.0 },
             spread_ns: 0.0,
-            off: None,
+            late: None,
+            moved_ns: 0.0,
+            is_uneven: false,
+            epoch: 0,
             last_estimate_ns: 0,
         }
     }
 
     /// Clears the line: the device's counter restarted. Estimates stay monotone.
     pub fn restart(&mut self) {
-        *self = ClockFit { last_estimate_ns: self.last_estimate_ns, ..ClockFit::new() };
+        let ClockFit { last_estimate_ns, epoch, .. } = *self;
+        *self = ClockFit { last_estimate_ns, epoch, ..ClockFit::new() };
+    }
+
+    /// Number of times that estimates moved relative to the counter by more than 50 ms, wrapping: a pause of the device
+    /// and a change of its delay cannot be distinguished by the arrivals.
+    pub fn epoch(&self) -> u32 {
+        self.epoch
     }
 
     /// Ingests the arrival of the sample with this counter at `arrival_ns`.
@@ -129,23 +161,20 @@ impl ClockFit {
             return;
         }
         if self.is_broken_by(point) {
-            self.restart();
-            self.begin(counter, arrival_ns);
+            self.begin_epoch(counter, arrival_ns);
             return;
         }
+        // An error of a younger line is no move of the device.
+        let is_settled = self.newest.ns >= BREAK_LASTS_NS;
         self.newest = point;
         self.samples += 1;
+        let before_ns = self.line.at(point.counts);
         if point.ns - self.open_since_ns >= self.block_ns {
             self.close_block();
             self.open = point;
             self.open_since_ns = point.ns;
             self.fit();
-            // The counter's rate has changed: a line below both rates fits neither.
-            if self.spread_ns > BREAK_NS && point.ns > BREAK_LASTS_NS {
-                self.restart();
-                self.begin(counter, arrival_ns);
-                return;
-            }
+            self.moved_ns *= 1.0 - 1.0 / BLOCKS as f64;
         } else if self.line.excess(point) < self.line.excess(self.open) {
             self.open = point;
         }
@@ -154,6 +183,20 @@ impl ClockFit {
         let early_ns = (-self.line.excess(point)).max(0.0);
         self.line.offset_ns -= early_ns;
         self.spread_ns += early_ns;
+        if is_settled {
+            let by_ns = self.line.at(point.counts) - before_ns;
+            self.is_uneven = by_ns.abs() > UNEVEN_NS;
+            self.moved_ns += by_ns;
+            if self.moved_ns.abs() > BREAK_NS {
+                self.begin_epoch(counter, arrival_ns);
+            }
+        }
+    }
+
+    fn begin_epoch(&mut self, counter: u64, arrival_ns: u64) {
+        self.restart();
+        self.epoch = self.epoch.wrapping_add(1);
+        self.begin(counter, arrival_ns);
     }
 
     /// Time at which the sample with this counter was taken; `None` before there are enough observations.
@@ -166,11 +209,14 @@ impl ClockFit {
         }
         let counts = counter.wrapping_sub(first_counter).cast_signed() as f64;
         let since_first_ns = self.line.at(counts) as i64;
-        let host_ns = first_arrival_ns.saturating_add_signed(since_first_ns).max(self.last_estimate_ns);
+        let at_ns = first_arrival_ns.saturating_add_signed(since_first_ns);
+        let host_ns = at_ns.max(self.last_estimate_ns);
         self.last_estimate_ns = host_ns;
-        let excess_ns = self.line.excess(self.newest);
-        let off_ns = if self.off.is_some() { excess_ns } else { 0.0 };
-        Some(Estimate { host_ns, sigma_ns: (self.spread_ns + SIGMA_FLOOR_NS).max(off_ns) as u64 })
+        if self.is_uneven || (host_ns - at_ns) as f64 > UNEVEN_NS {
+            return Some(Estimate { host_ns, sigma_ns: u64::MAX });
+        }
+        let late_ns = if self.late.is_some() { self.line.excess(self.newest) } else { 0.0 };
+        Some(Estimate { host_ns, sigma_ns: (self.spread_ns + SIGMA_FLOOR_NS).max(late_ns) as u64 })
     }
 
     /// Host time per count, ns; `None` before there are enough observations.
@@ -199,18 +245,13 @@ impl ClockFit {
         }
         let excess_ns = self.line.excess(point);
         if excess_ns <= BREAK_NS {
-            self.off = None;
+            self.late = None;
             // The counter jumped ahead of time; no arrival can be early.
             return excess_ns < -BREAK_NS;
         }
-        let begun = Off { since_ns: point.ns, range_ns: [excess_ns; 2] };
-        let mut off = self.off.unwrap_or(begun);
-        off.range_ns = [off.range_ns[0].min(excess_ns), off.range_ns[1].max(excess_ns)];
-        if off.range_ns[1] - off.range_ns[0] > BREAK_NS {
-            off = begun;
-        }
-        self.off = Some(off);
-        point.ns - off.since_ns > BREAK_LASTS_NS
+        let late = self.late.and_then(|late| late.and(point)).unwrap_or_else(|| Late::from(point));
+        self.late = Some(late);
+        point.ns - late.first.ns > BREAK_LASTS_NS
     }
 
     /// Stores the open block; makes room by merging pairs of blocks or by dropping the oldest.
@@ -253,8 +294,13 @@ impl ClockFit {
         };
         let period_ns = (to.ns - from.ns) / (to.counts - from.counts);
         let line = Line { offset_ns: from.ns - period_ns * from.counts, period_ns };
-        self.spread_ns = points().map(|point| line.excess(point)).sum::<f64>() / count;
         self.line = line;
+        let mut distance_ns = [0.0; BLOCKS + 1];
+        let distances = &mut distance_ns[..=self.block_count];
+        for (distance_ns, point) in distances.iter_mut().zip(points()) {
+            *distance_ns = line.excess(point);
+        }
+        self.spread_ns = *distances.select_nth_unstable_by(self.block_count / 2, f64::total_cmp).1;
     }
 }
 

@@ -341,7 +341,7 @@ impl Injection {
             let stamp = self.suit_clock.estimate(counter);
             (sample.sample_time_ns, sample.sample_time_sigma_ns) =
                 stamp.map_or((arrival_ns, u64::MAX), |stamp| (stamp.host_ns, stamp.sigma_ns));
-            sample.arrival_ns = arrival_ns;
+            (sample.arrival_ns, sample.clock_epoch) = (arrival_ns, self.suit_clock.epoch());
             self.stamped.truncate(STAMPED_MAX - 1);
             self.stamped.push_front([sample.sample_time_ns, taken_ns]);
             suit.push(sample);

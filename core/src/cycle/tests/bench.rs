@@ -149,11 +149,13 @@ pub(in crate::cycle) struct Disturbance {
     pub(in crate::cycle) time_sigma_ns: u64,
     /// 1-σ of the suit's sample times, ns.
     pub(in crate::cycle) suit_time_sigma_ns: u64,
+    /// Clock epochs of suit and ground.
+    pub(in crate::cycle) clock_epoch: [u32; 2],
 }
 
 impl Disturbance {
     fn of(self, ground: GroundSample) -> GroundSample {
-        let Disturbance { shear_n, push_n, outside, zero_n, devices, time_sigma_ns, .. } = self;
+        let Disturbance { shear_n, push_n, outside, zero_n, devices, time_sigma_ns, clock_epoch, .. } = self;
         let ([fx, fy, fz], [mx, my, mz], on_plate) = (ground.force_n, ground.moment_nm, 1.0 - outside);
         let amplified = |wrench: [f64; 3]| wrench.map(|value| (1.0 + self.gain_error) * value);
         // Only the left foot is on the plate, which shifts the reaction to the left.
@@ -169,6 +171,7 @@ impl Disturbance {
             moment_nm: amplified([on_plate * mx + lateral_nm, on_plate * my - 1.2 * push_n, mz]),
             devices,
             sample_time_sigma_ns: time_sigma_ns,
+            clock_epoch: clock_epoch[1],
             ..ground
         }
     }
@@ -295,6 +298,7 @@ impl Bench {
             suit.sample_time_ns = self.now_ns - 500_000 - self.settings.suit_latency_ns;
             suit.session = self.suit_session;
             suit.sample_time_sigma_ns = self.disturbance.suit_time_sigma_ns;
+            suit.clock_epoch = self.disturbance.clock_epoch[0];
             (suit.blocks, suit.com_m) = (SuitBlocks::CentreOfMass as u32, centre.into());
             suit.device_counter = ((self.now_ns - self.suit_started_ns) / SUIT_PERIOD_NS) as u32;
             suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m + 1e-12 * unlike, at.y, at.z]);
