@@ -1,6 +1,7 @@
 //! Undeclared sensor faults during work: time to detection, withheld values, and wrong values reported as valid.
 
 pub mod injection;
+mod late_stream;
 
 use equipoise_core::message::Validity;
 use equipoise_simulator::random::Random;
@@ -267,7 +268,8 @@ mod tests {
 
     #[test]
     fn a_late_suit_is_stamped_by_the_clock_fit_of_the_adapter() {
-        let mut injection = Injection::at(10.0, Fault::LateSuit);
+        let mut injection = Injection::default();
+        injection.replace(10.0, Fault::LateSuit);
         let (mut arrived, mut late_s) = (0, 0.0);
         for index in 0..1400_u64 {
             let (time_s, taken_ns) = (0.01 * index as f64, EPOCH_NS + 10_000_000 * index);

@@ -190,7 +190,8 @@ impl Session {
     /// Schedules a sensor fault after this time, s. Returns its start and end, s.
     pub fn fail(&mut self, fault: Fault, after_s: f64) -> [f64; 2] {
         let begins_s = self.now_s() + after_s;
-        self.fault = (fault, Injection::at(begins_s, fault));
+        self.fault.0 = fault;
+        self.fault.1.replace(begins_s, fault);
         [begins_s, begins_s + fault.lasts_s()]
     }
 

@@ -106,6 +106,7 @@ pub(super) struct LiftSums {
     /// Suit samples with valid torques.
     pub(super) samples: f64,
     pub(super) delta_f_n: f64,
+    pub(super) delta_f_sigma_n: f64,
     pub(super) delta_f_true_n: f64,
     pub(super) mass: MassSums,
     pub(super) joints: [JointSums; JOINTS_SHOWN.len()],
@@ -120,6 +121,7 @@ impl LiftSums {
         LiftSums {
             samples: 0.0,
             delta_f_n: 0.0,
+            delta_f_sigma_n: 0.0,
             delta_f_true_n: 0.0,
             mass: MassSums::default(),
             joints: [JointSums::default(); JOINTS_SHOWN.len()],
@@ -137,6 +139,7 @@ impl LiftSums {
     pub(super) fn add(&mut self, state: &State, truth: &Truth, box_kg: f64) {
         self.samples += 1.0;
         self.delta_f_n += state.delta_f_n[2];
+        self.delta_f_sigma_n += state.delta_f_sigma_n;
         self.delta_f_true_n -= truth.load_force_in_motion_n.z;
         for (sums, (_, name)) in self.joints.iter_mut().zip(JOINTS_SHOWN) {
             let Some(joint) = Joint::named(name).map(Joint::index) else { continue };

@@ -80,6 +80,8 @@ pub struct Lift {
     pub samples: u64,
     /// Mean published vertical external force, N.
     pub delta_f_n: f64,
+    /// Mean published 1-σ of it, N.
+    pub delta_f_sigma_n: f64,
     /// Mean true one, with the inertia of the box, N.
     pub delta_f_true_n: f64,
     /// Joints, right side.
@@ -177,6 +179,7 @@ impl Lift {
             lifted_mass_sigma_kg: sums.mass.sigma_kg / mass_samples,
             samples: sums.samples as u64,
             delta_f_n: sums.delta_f_n / samples,
+            delta_f_sigma_n: sums.delta_f_sigma_n / samples,
             delta_f_true_n: sums.delta_f_true_n / samples,
             joints: JOINTS_SHOWN.iter().zip(&sums.joints).map(joint).collect(),
             levels: sums.levels.iter().map(|(level, samples)| (level.name(), *samples)).collect(),

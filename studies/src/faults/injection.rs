@@ -1,11 +1,9 @@
 //! Sensor faults without a fault flag, applied to the samples in simulated time.
 
-use std::collections::VecDeque;
-
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::message::{GroundSample, SuitSample};
-use equipoise_core::time::ClockFit;
 
+use super::late_stream::LateStream;
 use crate::sensors::simulated_s;
 
 /// Duration of a glitch, s.
@@ -14,15 +12,17 @@ const GLITCH_S: f64 = 0.02;
 const LASTS_S: f64 = 3.0;
 /// Delay of a late plate or suit, s.
 const LATE_S: f64 = 0.3;
-/// Duration of a late suit, s: long enough that the lag is estimated again.
-const LATE_SUIT_LASTS_S: f64 = 20.0;
+/// Duration of a late suit or of senders that fall behind, s: long enough that the lag is estimated again.
+const LATE_LASTS_S: f64 = 20.0;
+/// A sender without enough computing time falls behind by this fraction of the time …
+const BEHIND_RATE: f64 = 0.15;
+/// … and catches up at this rate, so that it is 2 s late after 13.3 s and on time 4 s later.
+const CATCH_UP_RATE: f64 = 0.5;
+const BEHIND_MAX_S: f64 = 2.0;
 /// Silence of a plate before it returns with another gain, s.
 const SILENT_S: f64 = 0.5;
 /// Rail of a saturated channel, as a fraction of the vertical force at the fault's start.
 const RAIL_RATIO: f64 = 1.02;
-
-/// Stored stamps of a late suit: 2 s at 240 Hz, longer than a state's age.
-const STAMPED_MAX: usize = 480;
 
 /// A sensor fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -93,6 +93,10 @@ pub enum Fault {
     DoubleAfterGap,
     /// The suit's samples arrive 0.3 s later, and the adapter's clock fit stamps them.
     LateSuit,
+    /// The suit's sender falls behind by 2 s and catches up.
+    SuitBehind,
+    /// The plate's sender does.
+    PlateBehind,
 }
 
 /// State of a fault.
@@ -103,16 +107,13 @@ pub struct Injection {
     ground: Option<GroundSample>,
     suit: Option<SuitSample>,
     earlier: Vec<GroundSample>,
-    /// Samples of the late suit that have not arrived, with the time at which they will, and the adapter's clock fit.
-    on_the_way: VecDeque<(u64, SuitSample)>,
-    suit_clock: ClockFit,
-    /// Stamps of its last samples, and the times at which they were taken.
-    stamped: VecDeque<[u64; 2]>,
+    late_suit: LateStream<SuitSample>,
+    late_ground: LateStream<GroundSample>,
 }
 
 impl Fault {
     /// Every fault, the row without one first.
-    pub const ALL: [Fault; 33] = [
+    pub const ALL: [Fault; 35] = [
         Fault::None,
         Fault::DoubleGlitch,
         Fault::HalfGlitch,
@@ -146,6 +147,8 @@ impl Fault {
         Fault::HighAfterGap,
         Fault::DoubleAfterGap,
         Fault::LateSuit,
+        Fault::SuitBehind,
+        Fault::PlateBehind,
     ];
 
     /// Its row in the table.
@@ -184,6 +187,8 @@ impl Fault {
             Fault::HighAfterGap => "plate: 0.5 s silent, then gain 1.5",
             Fault::DoubleAfterGap => "plate: 0.5 s silent, then double",
             Fault::LateSuit => "suit: 0.3 s late for 20 s",
+            Fault::SuitBehind => "suit: sender falls 2 s behind",
+            Fault::PlateBehind => "plate: sender falls 2 s behind",
         }
     }
 
@@ -191,7 +196,7 @@ impl Fault {
     pub fn lasts_s(self) -> f64 {
         match self {
             Fault::DoubleGlitch | Fault::HalfGlitch => GLITCH_S,
-            Fault::LateSuit => LATE_SUIT_LASTS_S,
+            Fault::LateSuit | Fault::SuitBehind | Fault::PlateBehind => LATE_LASTS_S,
             _ => LASTS_S,
         }
     }
@@ -283,9 +288,11 @@ impl Fault {
 }
 
 impl Injection {
-    /// A fault that starts at a simulated time, s.
-    pub fn at(begins_s: f64, fault: Fault) -> Injection {
-        Injection { span_s: [begins_s, begins_s + fault.lasts_s()], ..Injection::default() }
+    /// Replaces the fault by one that starts at a simulated time, s. The clock fits continue.
+    pub fn replace(&mut self, begins_s: f64, fault: Fault) {
+        let Injection { late_suit, late_ground, .. } = std::mem::take(self);
+        let span_s = [begins_s, begins_s + fault.lasts_s()];
+        *self = Injection { span_s, late_suit, late_ground, ..Injection::default() };
     }
 
     /// Applies the fault to the samples of a time, CLOCK_MONOTONIC ns.
@@ -311,11 +318,12 @@ impl Injection {
                 fault.on_ground(sample, self);
             }
         }
-        if fault == Fault::LateSuit {
-            self.delay(suit, now_ns, if is_on { LATE_S } else { 0.0 });
-        } else if is_on {
+        if is_on {
             suit.iter_mut().for_each(|sample| fault.on_suit(sample, self));
         }
+        let [suit_s, ground_s] = self.late_s(fault, now_s);
+        self.late_suit.delay(suit, now_ns, suit_s);
+        self.late_ground.delay(ground, now_ns, ground_s);
         if is_on && now_s < self.span_s[0] + fault.ground_silent_s() {
             ground.clear();
         }
@@ -323,28 +331,21 @@ impl Injection {
 
     /// Stamp without the fault of the suit's sample that has this one, ns.
     pub fn taken_ns(&self, stamp_ns: u64) -> u64 {
-        self.stamped.iter().find(|[stamp, _]| *stamp == stamp_ns).map_or(stamp_ns, |[_, taken_ns]| *taken_ns)
+        self.late_suit.taken_ns(stamp_ns).unwrap_or(stamp_ns)
     }
 
-    /// Exchanges the samples of now for those that arrive now, with the stamps of the adapter's clock fit.
-    fn delay(&mut self, suit: &mut Vec<SuitSample>, now_ns: u64, late_s: f64) {
-        for sample in suit.drain(..) {
-            let earlier_ns = self.on_the_way.back().map_or(0, |(arrival_ns, _)| *arrival_ns);
-            let arrival_ns = sample.sample_time_ns + (late_s * 1e9) as u64;
-            self.on_the_way.push_back((arrival_ns.max(earlier_ns), sample));
-        }
-        while let Some((arrival_ns, mut sample)) =
-            self.on_the_way.pop_front_if(|(arrival_ns, _)| *arrival_ns <= now_ns)
-        {
-            let (counter, taken_ns) = (u64::from(sample.device_counter), sample.sample_time_ns);
-            self.suit_clock.observe(counter, arrival_ns);
-            let stamp = self.suit_clock.estimate(counter);
-            (sample.sample_time_ns, sample.sample_time_sigma_ns) =
-                stamp.map_or((arrival_ns, u64::MAX), |stamp| (stamp.host_ns, stamp.sigma_ns));
-            (sample.arrival_ns, sample.clock_epoch) = (arrival_ns, self.suit_clock.epoch());
-            self.stamped.truncate(STAMPED_MAX - 1);
-            self.stamped.push_front([sample.sample_time_ns, taken_ns]);
-            suit.push(sample);
+    /// Delay of the samples of suit and ground taken at a time, s; `None` for a stream that no fault has delayed so far.
+    fn late_s(&self, fault: Fault, now_s: f64) -> [Option<f64>; 2] {
+        let [begins_s, ends_s] = self.span_s;
+        let since_s = now_s - begins_s;
+        let caught_up_s = BEHIND_MAX_S / BEHIND_RATE + BEHIND_MAX_S / CATCH_UP_RATE;
+        let behind_s = (BEHIND_RATE * since_s).min(CATCH_UP_RATE * (caught_up_s - since_s)).max(0.0);
+        match fault {
+            Fault::LateSuit if now_s >= begins_s && now_s < ends_s => [Some(LATE_S), None],
+            Fault::LateSuit => [Some(0.0), None],
+            Fault::SuitBehind => [Some(behind_s), None],
+            Fault::PlateBehind => [None, Some(behind_s)],
+            _ => [None; 2],
         }
     }
 }

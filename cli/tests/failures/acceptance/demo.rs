@@ -24,17 +24,8 @@ fn number(of: &Value, key: &str) -> f64 {
     of[key].as_f64().unwrap_or_else(|| panic!("no number {key} in {of}"))
 }
 
-/// Number of runs, of which one must agree: late samples on a busy machine enlarge the errors. A defect that only late
-/// samples reveal may pass: `--show-output` prints the runs that disagree.
-const ATTEMPTS: usize = 3;
-
 #[test]
 fn each_load_agrees_with_the_truth() {
-    let agrees = || std::panic::catch_unwind(assert_demo_agrees).is_ok();
-    assert!((0..ATTEMPTS).any(|_| agrees()), "in none of {ATTEMPTS} runs, see above");
-}
-
-fn assert_demo_agrees() {
     let station = Station::new();
     let mut demo = station.spawn(&["demo", "--once", "--headless", "--json", "--duration", "600"]);
     // It has a limit of its own.
@@ -58,8 +49,9 @@ fn assert_lift_agrees(lift: &Value, box_kg: f64) {
     assert!((number(lift, "mass_kg") - box_kg).abs() < 0.01, "{lift}");
     let (kg, sigma_kg) = (number(lift, "lifted_mass_kg"), number(lift, "lifted_mass_sigma_kg"));
     assert!((kg - box_kg).abs() < 3.0 * sigma_kg && sigma_kg < 0.2 * box_kg, "{kg} ± {sigma_kg} kg: {lift}");
-    let (force_n, true_n) = (number(lift, "delta_f_n"), number(lift, "delta_f_true_n"));
-    assert!((force_n - true_n).abs() < 0.1 * true_n, "{force_n} N of {true_n} N: {lift}");
+    let [force_n, sigma_n, true_n] =
+        ["delta_f_n", "delta_f_sigma_n", "delta_f_true_n"].map(|key| number(lift, key));
+    assert!((force_n - true_n).abs() < 3.0 * sigma_n && sigma_n < 0.25 * true_n, "of {true_n} N: {lift}");
     for joint in lift["joints"].as_array().expect("joints") {
         let [error_nm, sigma_nm, true_nm] =
             ["error_nm", "sigma_nm", "true_max_nm"].map(|key| number(joint, key));
