@@ -122,11 +122,11 @@ mod tests {
     use super::*;
     use SequencePosition::{First, NewSession, Next, Old, Same};
 
-    const MS: u64 = 1_000_000;
+    const NS_PER_MS: u64 = 1_000_000;
 
     fn classified(stream: &[(u32, u64)]) -> Vec<SequencePosition> {
         let mut sequence = Sequence::new(1000);
-        stream.iter().map(|(counter, ms)| sequence.classify(*counter, ms * MS)).collect()
+        stream.iter().map(|(counter, ms)| sequence.classify(*counter, ms * NS_PER_MS)).collect()
     }
 
     #[test]

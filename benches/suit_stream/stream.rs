@@ -111,7 +111,7 @@ impl Person {
             segment_id: 1,
             orientation_wxyz: self.orientation_wxyz(),
             free_acceleration: self.motion(),
-            felt: Some([[0.0, 0.0, 9.81], self.motion()]),
+            measured: Some([[0.0, 0.0, 9.81], self.motion()]),
             magnetic: [0.4, 0.0, -0.8],
         }
     }

@@ -194,19 +194,19 @@ fn await_receipt(ends: &CommandEnds) -> Result<(), String> {
 /// delayed.
 fn describe_reset(latest: Option<&State>, settings: &Settings) -> String {
     if settings.mass_kg.is_some() {
-        return "all poses are discarded; learning starts again".to_owned();
+        return "all poses are discarded; identification restarts".to_owned();
     }
     let delay = latest.and_then(weighing::obstacle).map_or_else(
         || ": stand still on the plate with both feet and empty hands".to_owned(),
         |obstacle| format!(", which waits: {obstacle}"),
     );
-    format!("all poses are discarded; learning starts again once the worker is weighed{delay}")
+    format!("all poses are discarded; identification restarts once the worker is weighed{delay}")
 }
 
 /// The accuracy reached by an identification that was stopped.
 fn describe_stop(latest: Option<&State>, settings: &Settings) -> String {
     let Some(state) = latest.filter(|state| state.variance_max_m2 > 0.0) else {
-        return "learning has ended before anything was known of the worker".to_owned();
+        return "identification has ended before anything was known of the worker".to_owned();
     };
     let poses = match state.poses_used {
         1 => "1 pose".to_owned(),
@@ -357,7 +357,7 @@ mod tests {
         assert!(describe_reset(None, &settings).contains("once the worker is weighed"));
         settings.mass_kg = Some(72.0);
         let message = describe_reset(Some(&state), &settings);
-        assert_eq!(message, "all poses are discarded; learning starts again");
+        assert_eq!(message, "all poses are discarded; identification restarts");
     }
 
     #[test]

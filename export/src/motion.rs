@@ -212,21 +212,21 @@ mod tests {
 
     use super::*;
 
-    const MS: u64 = 1_000_000;
+    const NS_PER_MS: u64 = 1_000_000;
 
     /// 4 s of states at 100 Hz and of a plate at 1000 Hz, whose free moment in N m is the time in s. A skew is published
     /// during the first second only, and stays in use.
     fn recording() -> Recording {
         let mut recorder = Recorder::in_memory("a.mcap", &RecordingHeader::default()).unwrap();
         for cycle in 1..=400 {
-            let time_ns = cycle * 10 * MS;
+            let time_ns = cycle * 10 * NS_PER_MS;
             let [suit_skew_s, suit_skew_sigma_s] = if cycle <= 100 { [0.06, 0.004] } else { [0.0; 2] };
             let suit_sample_time_ns = time_ns;
             let times = State { cycle, time_ns, suit_sample_time_ns, ..State::zeroed() };
             recorder.write(time_ns, &State { suit_skew_s, suit_skew_sigma_s, ..times }).unwrap();
         }
         for sequence in 1..=4000 {
-            let sample_time_ns = sequence * MS;
+            let sample_time_ns = sequence * NS_PER_MS;
             let (force_n, moment_nm) = ([0.0, 0.0, 700.0], [0.0, 0.0, sample_time_ns as f64 * 1e-9]);
             let sample =
                 GroundSample { sequence, sample_time_ns, force_n, moment_nm, ..GroundSample::zeroed() };
@@ -251,12 +251,15 @@ mod tests {
     #[test]
     fn an_instant_has_the_same_value_with_and_without_a_span() {
         let recording = recording();
-        let in_span = |(time_ns, _): &(u64, f64)| (2000 * MS..=3000 * MS).contains(time_ns);
+        let in_span = |(time_ns, _): &(u64, f64)| (2000 * NS_PER_MS..=3000 * NS_PER_MS).contains(time_ns);
         let whole: Vec<_> = free_moments(&recording, None).into_iter().filter(in_span).collect();
         let part = free_moments(&recording, Some([2.0, 3.0]));
         assert_eq!((part.len(), &part), (101, &whole));
         // The lag of the first second is subtracted.
         let (time_ns, moment_nm) = part[50];
-        assert!(time_ns == 2500 * MS && (moment_nm - 2.44).abs() < 2e-3, "{moment_nm} N m at {time_ns} ns");
+        assert!(
+            time_ns == 2500 * NS_PER_MS && (moment_nm - 2.44).abs() < 2e-3,
+            "{moment_nm} N m at {time_ns} ns"
+        );
     }
 }

@@ -1,17 +1,17 @@
 //! Devices with their protocols: the device end of each connection, over the transport of a real one.
 //!
 //! One file per device with its bytes ([`Protocol`]); [`Connected`] is the part that they share: a [`port`] (serial line,
-//! TCP, UDP) through the faults of [`line`](mod@line). The load is that of [`felt`]. No device has a thread or a clock:
+//! TCP, UDP) through the faults of [`line`](mod@line). The load is that of [`load`]. No device has a thread or a clock:
 //! time and load are arguments of each call. [`running`] paces one in a thread.
 
 pub mod amti;
 pub mod ati_rdt;
 pub mod binary;
 pub mod bota;
-pub mod felt;
 pub mod http;
 pub mod labamp;
 pub mod line;
+pub mod load;
 pub mod lsl;
 pub mod moticon;
 pub mod mvn;
@@ -27,8 +27,8 @@ pub mod udp;
 
 use std::io;
 
-use self::felt::Felt;
 use self::line::{FaultCounts, Line};
+use self::load::LoadSample;
 use crate::faults::Faults;
 
 /// A device with its connection.
@@ -46,7 +46,7 @@ pub trait Device: Send {
     ///
     /// # Errors
     /// As [`Self::poll`].
-    fn measure(&mut self, felt: &Felt) -> io::Result<()>;
+    fn measure(&mut self, sample: &LoadSample) -> io::Result<()>;
 
     /// Counters of the sent samples.
     fn fault_counts(&self) -> FaultCounts;
@@ -106,7 +106,7 @@ pub trait Protocol: Send {
     ///
     /// # Errors
     /// As [`Device::measure`].
-    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()>;
+    fn measure(&mut self, line: &mut Line, sample: &LoadSample) -> io::Result<()>;
 
     /// As [`Device::config`].
     fn config(&self, line: &Line) -> String;
@@ -146,8 +146,8 @@ impl<P: Protocol> Device for Connected<P> {
         self.protocol.rate_hz()
     }
 
-    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
-        self.protocol.measure(&mut self.line, felt)
+    fn measure(&mut self, sample: &LoadSample) -> io::Result<()> {
+        self.protocol.measure(&mut self.line, sample)
     }
 
     fn fault_counts(&self) -> FaultCounts {

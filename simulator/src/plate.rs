@@ -39,14 +39,14 @@ impl Plate {
 
     /// Wrench on the sensor for a wrench `on_person` of the ground on the person (about the station's origin): the
     /// opposite ("action"), about the sensor's origin, in the sensor's axes.
-    pub fn felt(&self, on_person: &Wrench) -> Wrench {
+    pub fn sensor_wrench(&self, on_person: &Wrench) -> Wrench {
         let about_sensor = on_person.moment_nm - Vector3::from(self.origin_m).cross(&on_person.force_n);
         let plate_from_world = UnitQuaternion::from_scaled_axis(Vector3::z() * -self.yaw_rad);
         Wrench { force_n: plate_from_world * -on_person.force_n, moment_nm: plate_from_world * -about_sensor }
     }
 
     /// The record of a sensor wrench; beyond the range of 32 bits it saturates, like a sensor.
-    pub fn record(&self, felt: &Wrench, ft_sequence: u32, status: u32) -> Record {
+    pub fn record(&self, wrench: &Wrench, ft_sequence: u32, status: u32) -> Record {
         let counts = |value: Vector3<f64>, per_unit: f64| {
             let rounded = value.map(|number| (number * per_unit).round());
             [rounded.x as i32, rounded.y as i32, rounded.z as i32]
@@ -56,8 +56,8 @@ impl Plate {
             rdt_sequence: 0, // the server numbers its records
             ft_sequence,
             status,
-            force_counts: counts(felt.force_n, per_newton),
-            torque_counts: counts(felt.moment_nm, per_newton_metre),
+            force_counts: counts(wrench.force_n, per_newton),
+            torque_counts: counts(wrench.moment_nm, per_newton_metre),
         }
     }
 }
@@ -72,14 +72,14 @@ mod tests {
             Plate { origin_m: [0.3, -0.1, 0.02], yaw_rad: 0.5, surface_height_m: 0.04, ..Plate::default() };
         let on_person =
             Wrench::at(Vector3::new(0.35, -0.05, plate.surface_z_m()), Vector3::new(5.0, 8.0, 700.0));
-        let felt = plate.felt(&on_person);
-        assert!(felt.force_n.z < -699.0);
+        let wrench = plate.sensor_wrench(&on_person);
+        assert!(wrench.force_n.z < -699.0);
         // The height of the surface above the sensor couples the shear: x = (h Fx − My)/Fz, y = (h Fy + Mx)/Fz.
-        let (f, m, h) = (felt.force_n, felt.moment_nm, plate.surface_height_m);
+        let (f, m, h) = (wrench.force_n, wrench.moment_nm, plate.surface_height_m);
         let in_plate = Vector3::new((h * f.x - m.y) / f.z, (h * f.y + m.x) / f.z, 0.0);
         let in_world = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.5) * in_plate;
         assert!((in_world.xy() - nalgebra::Vector2::new(0.05, 0.05)).norm() < 1e-12);
-        assert_eq!(plate.record(&felt, 7, 0).force_counts[2], -700_000_000);
+        assert_eq!(plate.record(&wrench, 7, 0).force_counts[2], -700_000_000);
     }
 
     #[test]

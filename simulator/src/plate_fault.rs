@@ -51,24 +51,24 @@ impl FaultyPlate {
     pub fn feel(&mut self, wrench: Wrench, time_s: f64) -> Wrench {
         let step_s = time_s - self.last_s;
         self.last_s = time_s;
-        let mut felt = wrench;
+        let mut faulty = wrench;
         for index in 0..self.faults.len() {
             let (fault, span) = self.faults[index];
             let activation = span.activation(time_s);
-            felt = match fault {
-                PlateFault::LowPass(hertz) if activation > 0.0 => self.low_passed(felt, hertz, step_s),
-                PlateFault::Hysteresis(play_m) => self.late(felt, play_m * activation),
+            faulty = match fault {
+                PlateFault::LowPass(hertz) if activation > 0.0 => self.low_passed(faulty, hertz, step_s),
+                PlateFault::Hysteresis(play_m) => self.late(faulty, play_m * activation),
                 PlateFault::Drift(m_per_s) if activation > 0.0 => {
-                    moved(felt, m_per_s * (activation * (time_s - span.from_s).max(0.0)))
+                    moved(faulty, m_per_s * (activation * (time_s - span.from_s).max(0.0)))
                 }
                 PlateFault::SettlingDrift(bound_m, tau_s) if activation > 0.0 => moved(
-                    felt,
+                    faulty,
                     bound_m * (activation * (1.0 - (-(time_s - span.from_s).max(0.0) / tau_s).exp())),
                 ),
-                _ => at_once(fault, felt, activation),
+                _ => at_once(fault, faulty, activation),
             };
         }
-        felt
+        faulty
     }
 
     fn low_passed(&mut self, wrench: Wrench, hertz: f64, step_s: f64) -> Wrench {

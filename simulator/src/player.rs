@@ -133,8 +133,8 @@ impl Player<'_> {
         self.played[1] += 1;
         let on_person =
             Wrench { force_n: Vector3::from(sample.force_n), moment_nm: Vector3::from(sample.moment_nm) };
-        let felt = self.settings.plate.felt(&on_person);
-        let record = self.settings.plate.record(&felt, sample.device_counter, sample.device_status);
+        let wrench = self.settings.plate.sensor_wrench(&on_person);
+        let record = self.settings.plate.record(&wrench, sample.device_counter, sample.device_status);
         self.server.send(record)
     }
 }

@@ -16,7 +16,7 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 use nalgebra::Vector2;
 
 use crate::clock::{DeviceClock, monotonic_ns, sleep_until_ns, span_ns};
-use crate::devices::felt::OnFeet;
+use crate::devices::load::OnFeet;
 use crate::devices::running::Load;
 use crate::faults::Faults;
 use crate::intention::Intention;

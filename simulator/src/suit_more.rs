@@ -38,7 +38,7 @@ pub(crate) fn more(
                 segment_id: id,
                 orientation_wxyz: single(wxyz(rotation[i])),
                 free_acceleration: single(free(i).into()),
-                felt: Some([
+                measured: Some([
                     in_sensor(free(i) + Vector3::z() * GRAVITY_M_PER_S2),
                     in_sensor(Vector3::from(angular[i][0])),
                 ]),

@@ -121,9 +121,12 @@ impl SuitFrame {
             datagrams.push(items::angular_kinematics(&stamp, &segments)?);
         }
         if !more.trackers.is_empty() {
-            let felt = |tracker: &Tracker| tracker.felt.filter(|_| !more.old_sizes);
-            let trackers: Vec<_> =
-                more.trackers.iter().map(|tracker| Tracker { felt: felt(tracker), ..*tracker }).collect();
+            let measured = |tracker: &Tracker| tracker.measured.filter(|_| !more.old_sizes);
+            let trackers: Vec<_> = more
+                .trackers
+                .iter()
+                .map(|tracker| Tracker { measured: measured(tracker), ..*tracker })
+                .collect();
             datagrams.push(items::trackers(&stamp, &trackers)?);
         }
         if let Some(com_m) = self.com_m {

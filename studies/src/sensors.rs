@@ -244,10 +244,10 @@ fn measured(
 ) -> Wrench {
     let about_centre_nm = on_person.moment_nm - centre_m.cross(&on_person.force_n);
     // The sensor measures the opposite, including its noise.
-    let felt =
+    let measured =
         Wrench { force_n: zero.force_n - on_person.force_n, moment_nm: zero.moment_nm - about_centre_nm };
-    let felt = noise.on(felt, random);
-    Wrench { force_n: -felt.force_n, moment_nm: -felt.moment_nm - centre_m.cross(&felt.force_n) }
+    let measured = noise.on(measured, random);
+    Wrench { force_n: -measured.force_n, moment_nm: -measured.moment_nm - centre_m.cross(&measured.force_n) }
 }
 
 #[cfg(test)]

@@ -83,7 +83,7 @@ pub struct StompOffset {
 pub enum StompRefusal {
     /// No stomp in the plate's data.
     #[error(
-        "the plate felt no stomp: the force rose by {largest_n:.0} N at most within 60 ms, {needed_n:.0} N are needed; \
+        "the plate measured no stomp: the force rose by {largest_n:.0} N at most within 60 ms, {needed_n:.0} N are needed; \
          stand on the plate, lift one foot and stamp it down, three times at an irregular beat"
     )]
     NoHit {
@@ -94,7 +94,7 @@ pub enum StompRefusal {
     },
     /// No stop of a foot in the suit's data.
     #[error(
-        "the suit saw no stomp: a foot came down at {fastest_m_per_s:.2} m/s at most, or did not stop short; \
+        "the suit measured no stomp: a foot came down at {fastest_m_per_s:.2} m/s at most, or did not stop short; \
          {needed_m_per_s:.2} m/s are needed"
     )]
     NoStop {
@@ -130,7 +130,7 @@ pub enum StompRefusal {
     },
     /// Most hits on the plate have no matching stop in the suit's data.
     #[error(
-        "only {stomps} of {plate_hits} hits of the plate are stomps that the suit saw; no other person may step on the \
+        "only {stomps} of {plate_hits} hits of the plate are stomps of the suit; no other person may step on the \
          plate, and nothing may be dropped on it"
     )]
     MostlyUnseen {

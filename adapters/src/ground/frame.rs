@@ -87,7 +87,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use equipoise_simulator::devices::felt::Mounting;
+    use equipoise_simulator::devices::load::Mounting;
     use equipoise_simulator::dynamics::Wrench as OnFloor;
     use equipoise_simulator::plate::Plate;
     use proptest::prelude::*;

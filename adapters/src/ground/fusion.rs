@@ -217,14 +217,14 @@ fn centre_m(plate: &GroundSample) -> [f64; 2] {
 /// The plate's wrench; the insoles provide the feet's fractions of its vertical component, and each foot's centre.
 /// Insoles measure force less accurately than a plate, so only their ratio is used.
 fn shared_by_insoles(both: GroundSample, insoles: &GroundSample) -> GroundSample {
-    let felt_n = insoles.foot_vertical_n.map(|newtons| newtons.max(0.0));
-    let sum_n = felt_n[0] + felt_n[1];
+    let insole_n = insoles.foot_vertical_n.map(|newtons| newtons.max(0.0));
+    let sum_n = insole_n[0] + insole_n[1];
     // An empty plate with unloaded insoles is consistent; a loaded plate with unloaded insoles means that they are not
     // worn.
     if insoles.per_foot != 1 || (sum_n < COP_MIN_VERTICAL_N && both.force_n[2] >= COP_MIN_VERTICAL_N) {
         return GroundSample { devices: both.devices & !insoles.devices, ..both };
     }
-    let fraction = if sum_n > 0.0 { felt_n.map(|newtons| newtons / sum_n) } else { [0.5; 2] };
+    let fraction = if sum_n > 0.0 { insole_n.map(|newtons| newtons / sum_n) } else { [0.5; 2] };
     GroundSample {
         per_foot: 1,
         foot_vertical_n: fraction.map(|fraction| fraction * both.force_n[2]),

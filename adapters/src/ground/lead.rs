@@ -36,27 +36,27 @@ impl Lead {
 mod tests {
     use super::*;
 
-    const MS: u64 = 1_000_000;
+    const NS_PER_MS: u64 = 1_000_000;
 
     #[test]
     fn a_burst_after_a_pause_with_a_hole_in_it_is_no_restart_and_a_leap_is() {
         let mut lead = Lead::default();
         lead.begin(0);
         for index in 1..100 {
-            assert!(lead.allows(10 * MS, index * 10 * MS));
+            assert!(lead.allows(10 * NS_PER_MS, index * 10 * NS_PER_MS));
         }
         // No read for 20 s; the line buffered the first second of readings, and the newest.
         for _ in 0..100 {
-            assert!(lead.allows(10 * MS, 21_000 * MS));
+            assert!(lead.allows(10 * NS_PER_MS, 21_000 * NS_PER_MS));
         }
-        assert!(lead.allows(19_000 * MS, 21_000 * MS));
-        assert!(!lead.allows(1_300_000 * MS, 21_010 * MS));
+        assert!(lead.allows(19_000 * NS_PER_MS, 21_000 * NS_PER_MS));
+        assert!(!lead.allows(1_300_000 * NS_PER_MS, 21_010 * NS_PER_MS));
     }
 
     #[test]
     fn a_clock_that_runs_at_another_pace_is_borne() {
         let mut lead = Lead::default();
         lead.begin(0);
-        assert!((1..10_000).all(|index| lead.allows(100 * MS, index * 10 * MS)));
+        assert!((1..10_000).all(|index| lead.allows(100 * NS_PER_MS, index * 10 * NS_PER_MS)));
     }
 }

@@ -246,15 +246,15 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const MS: u64 = 1_000_000;
+    const NS_PER_MS: u64 = 1_000_000;
     const NONE: Result<Gap, GroundRefusal> = Ok(Gap::Lost(0));
 
     fn timeline(stamps_ms: &[u64]) -> Vec<Result<Gap, GroundRefusal>> {
         let mut timeline = Timeline::new(Trust::Doubtful);
         let mut arrival_ns = 0;
         let mut place = |stamp_ms: &u64| {
-            arrival_ns += 10 * MS;
-            timeline.place(stamp_ms * MS, arrival_ns)
+            arrival_ns += 10 * NS_PER_MS;
+            timeline.place(stamp_ms * NS_PER_MS, arrival_ns)
         };
         stamps_ms.iter().map(&mut place).collect()
     }
@@ -278,16 +278,17 @@ mod tests {
 
     #[test]
     fn a_proven_clock_that_restarts_is_recognised_for_a_leap_in_either_direction() {
-        for (start_ns, first_ns) in [(70_000 * MS, 0), (3_000_000 * MS, 4_294_967_296_000)] {
+        for (start_ns, first_ns) in [(70_000 * NS_PER_MS, 0), (3_000_000 * NS_PER_MS, 4_294_967_296_000)] {
             let mut timeline = Timeline::new(Trust::Proven);
-            let mut follow = |index: u64, time_ns| timeline.follow(time_ns, 9000 * MS + index * 10 * MS);
+            let mut follow =
+                |index: u64, time_ns| timeline.follow(time_ns, 9000 * NS_PER_MS + index * 10 * NS_PER_MS);
             for index in 0..10 {
-                assert_eq!(follow(index, start_ns + index * 10 * MS), NONE);
+                assert_eq!(follow(index, start_ns + index * 10 * NS_PER_MS), NONE);
             }
             // The device was off for five seconds.
             assert_eq!(follow(510, first_ns), Ok(Gap::Rebooted));
-            assert_eq!(follow(511, first_ns + 10 * MS), NONE);
-            assert_eq!(follow(513, first_ns + 30 * MS), NONE, "the step is not known again yet");
+            assert_eq!(follow(511, first_ns + 10 * NS_PER_MS), NONE);
+            assert_eq!(follow(513, first_ns + 30 * NS_PER_MS), NONE, "the step is not known again yet");
         }
     }
 

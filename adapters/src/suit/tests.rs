@@ -219,6 +219,20 @@ fn stamps_follow_the_counter_and_not_the_jitter() {
 }
 
 #[test]
+fn a_longer_delay_begins_a_clock_epoch() {
+    let required = Some(TypeSet::POSE_QUATERNION);
+    let mut assembler = SuitAssembler::new(SuitSettings { required, ..SuitSettings::default() });
+    let epochs = (0..1200u32).map(|counter| {
+        let delay_ns = if counter < 480 { 0 } else { 200_000_000 };
+        let arrival_ns = 5_000_000_000 + u64::from(counter) * PERIOD_NS + delay_ns;
+        assembler.receive(&pose_datagram(counter, &standing()), arrival_ns).unwrap().clock_epoch
+    });
+    let epochs: Vec<u32> = epochs.collect();
+    let begins = epochs.partition_point(|epoch| *epoch == 0);
+    assert!((480..780).contains(&begins) && epochs[begins..].iter().all(|epoch| *epoch == 1), "{begins}");
+}
+
+#[test]
 fn the_wearer_is_remembered() {
     let mut assembler = SuitAssembler::new(SuitSettings::default());
     let mut bytes = Vec::new();

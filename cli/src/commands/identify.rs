@@ -19,7 +19,7 @@ pub(super) struct Arguments {
 enum Action {
     /// Use held poses from now on
     Start,
-    /// End learning and monitor with what is known
+    /// End the identification and monitor with what is known
     Stop,
     /// Discard all poses and start again
     Reset,

@@ -88,7 +88,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     } else {
         let [stomps, hits, stops] = [offset.stomps, offset.plate_hits, offset.foot_stops];
         println!(
-            "{stomps} stomps seen by both (the plate felt {hits}, the suit saw {stops}), {:.1} ms apart from each other",
+            "{stomps} stomps measured by both (plate: {hits}, suit: {stops}), {:.1} ms apart from each other",
             offset.residual_ns as f64 * 1e-6
         );
         let relation = if suit_later_ms > 0.0 { "later" } else { "earlier" };
@@ -181,8 +181,8 @@ fn watch(arguments: &Arguments) -> anyhow::Result<StompOffset> {
 fn require_stomps(offset: StompOffset) -> anyhow::Result<StompOffset> {
     if offset.stomps < STOMPS_MIN {
         bail!(
-            "{} of the {STOMPS_MIN} stomps that are needed at least were seen by both suit and plate (the plate felt {}, the \
-             suit saw {}); stamp harder, or watch longer with --for",
+            "{} of the {STOMPS_MIN} stomps that are needed at least were measured by both suit and plate (plate: {}, the \
+             suit: {}); stamp harder, or watch longer with --for",
             offset.stomps,
             offset.plate_hits,
             offset.foot_stops

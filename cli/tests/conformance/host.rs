@@ -6,7 +6,7 @@ use equipoise_adapters::suit::SuitRefusal;
 use equipoise_config::Config;
 use equipoise_core::message::{AdapterHealth, Component, FootFrame, GroundSample, SuitSample};
 use equipoise_daemon::sensors::Ground;
-use equipoise_simulator::devices::felt::OnFeet;
+use equipoise_simulator::devices::load::OnFeet;
 use equipoise_simulator::suit_sender::Streams;
 
 use crate::person::Person;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use equipoise_simulator::devices::felt::OnFeet;
+use equipoise_simulator::devices::load::OnFeet;
 use equipoise_simulator::dynamics::Wrench;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::{Suit, SuitNoise};

@@ -291,7 +291,7 @@ fn stomps_measure_the_delay_of_the_suit(station: &Station) {
     let _daemon = station.daemon_of("late.toml", &[]);
     let mut monitor = Monitor::open(station);
     monitor.until("both sensors", Monitor::both_fresh);
-    station.run(&["stomp", "--for", "2"]).assert_failed(1, &["the plate felt no stomp"]);
+    station.run(&["stomp", "--for", "2"]).assert_failed(1, &["the plate measured no stomp"]);
     let process = station.spawn(&["stomp", "--stomps", "3", "--json", "--write", &path]);
     let (code, report, message) = execute(process, |line| {
         if line.starts_with("stand on the plate") {

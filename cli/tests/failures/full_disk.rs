@@ -62,7 +62,7 @@ fn a_full_disk_stops_nothing_and_the_profile_is_saved_when_space_is_free() {
     let poses = u64::from(monitor.state.poses_used);
     // Identification has ended from here on: only the pending data remain to be written.
     station.run(&["identify", "stop"]).assert_done();
-    monitor.until("the end of learning", |monitor| monitor.state.phase_name() == "monitoring");
+    monitor.until("the end of the identification", |monitor| monitor.state.phase_name() == "monitoring");
     monitor.during(Duration::from_secs(2), |_| {});
     let cycle = monitor.state.cycle;
     monitor.until("more cycles", |monitor| monitor.state.cycle > cycle + 200);

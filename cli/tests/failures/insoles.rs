@@ -3,8 +3,8 @@
 
 use std::time::{Duration, Instant};
 
-use equipoise_simulator::devices::felt::{Ground, Mounting};
 use equipoise_simulator::devices::line::Line;
+use equipoise_simulator::devices::load::{Ground, Mounting};
 use equipoise_simulator::devices::moticon::Moticon;
 use equipoise_simulator::devices::running::{Pace, Running};
 use equipoise_simulator::devices::udp::UdpPort;

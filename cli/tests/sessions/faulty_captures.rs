@@ -166,7 +166,7 @@ fn capture(samples: &Samples, path: &Path) {
             }
         }
         let on_person = Wrench { force_n: ground.force_n.into(), moment_nm: ground.moment_nm.into() };
-        let mut record = standard.record(&standard.felt(&on_person), number, 0);
+        let mut record = standard.record(&standard.sensor_wrench(&on_person), number, 0);
         record.rdt_sequence = number;
         writer.write_udp(wall_ns(ground.published_ns), plate, client, &record.to_bytes()).unwrap();
     }

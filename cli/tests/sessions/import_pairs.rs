@@ -351,7 +351,7 @@ fn a_suit_capture_is_joined_with_a_text_file_of_the_plate() {
     // It contains no stomp.
     let output_text =
         session.refused(&session.join_files("take.pcap", "plate.txt", "no.mcap", &["--join", "stomp"]));
-    assert!(output_text.contains("the suit saw no stomp"), "{output_text}");
+    assert!(output_text.contains("the suit measured no stomp"), "{output_text}");
 }
 
 #[test]

@@ -45,7 +45,7 @@ fn capture(rows: &[(SuitSample, GroundSample)], path: &Path, broken: bool) {
         let at_ns = wall_ns(suit.sample_time_ns);
         let on_person = Wrench { force_n: ground.force_n.into(), moment_nm: ground.moment_nm.into() };
         let standard = Plate::default();
-        let mut record = standard.record(&standard.felt(&on_person), number, 0);
+        let mut record = standard.record(&standard.sensor_wrench(&on_person), number, 0);
         record.rdt_sequence = number;
         writer.write_udp(at_ns, plate, client, &record.to_bytes()).unwrap();
         let frame = SuitFrame {

@@ -54,7 +54,7 @@ fn write_pcap(path: &Path) {
     let standing = Wrench { force_n: Vector3::new(0.0, 0.0, 700.0), moment_nm: Vector3::zeros() };
     for number in 1..=ROWS {
         let at_ns = 1_700_000_000_000_000_000 + u64::from(number) * 10_000_000;
-        let mut record = Plate::default().record(&Plate::default().felt(&standing), number, 0);
+        let mut record = Plate::default().record(&Plate::default().sensor_wrench(&standing), number, 0);
         record.rdt_sequence = number;
         writer.write_udp(at_ns, plate, address("10.0.0.2:40404"), &record.to_bytes()).unwrap();
         let frame = SuitFrame {

@@ -30,7 +30,7 @@ const SLEW: f64 = 0.5;
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct SkewMonitor {
     estimator: SkewEstimator,
-    /// 1 from a change of a stream's clock epoch until the lag is known again.
+    /// 1 from a change of a stream's clock epoch until the lag is measured again; 0 if it never was.
     is_unknown: u64,
     /// Target of the lag and the lag in use, s: positive if the suit is late.
     target_s: f64,
@@ -90,9 +90,11 @@ impl SkewMonitor {
         is_first && self.target_s.abs() > OFF_MIN_S
     }
 
-    /// Restarts after a change of a stream's clock epoch: no earlier window determines the lag.
+    /// Restarts after a change of a stream's clock epoch: no earlier window determines the lag. Without an earlier
+    /// measurement the lag of the model applies alone, as at the start.
     pub(super) fn restart(&mut self) {
-        (self.estimator, self.is_unknown) = (Zeroable::zeroed(), 1);
+        self.is_unknown |= u64::from(self.is_measured());
+        self.estimator = Zeroable::zeroed();
     }
 
     /// Restores a stored lag, s, of which the model subtracts a part; 0 if it was not measured.

@@ -190,11 +190,13 @@ mod tests {
 
     #[test]
     fn between_samples_of_a_slower_ground_the_free_moment_is_interpolated() {
-        const MS: u64 = 1_000_000;
+        const NS_PER_MS: u64 = 1_000_000;
         let tares = history(Some(Tare::zeroed()), &[]);
-        let times_ns = [4, 8, 12, 16, 40, 71].map(|ms| (ms != 8).then_some(ms * MS));
-        let mut moments = FreeMoments::new(&times_ns, 2 * MS);
-        for (time_ns, moment_nm) in [(0, 0.0), (10 * MS, 10.0), (20 * MS, 20.0), (81 * MS, 81.0)] {
+        let times_ns = [4, 8, 12, 16, 40, 71].map(|ms| (ms != 8).then_some(ms * NS_PER_MS));
+        let mut moments = FreeMoments::new(&times_ns, 2 * NS_PER_MS);
+        for (time_ns, moment_nm) in
+            [(0, 0.0), (10 * NS_PER_MS, 10.0), (20 * NS_PER_MS, 20.0), (81 * NS_PER_MS, 81.0)]
+        {
             moments.ingest(&sample(time_ns, moment_nm, &Tare::zeroed()), &tares);
         }
         let expected = [Some(4.0), None, Some(10.0), Some(16.0), None, None];

@@ -2,8 +2,8 @@
 
 use std::io;
 
-use super::felt::{Felt, Mounting};
 use super::line::Line;
+use super::load::{LoadSample, Mounting};
 use super::{Connected, HostRequests, Protocol};
 use crate::wires::amti::{Dialogue, Gauges, frame};
 
@@ -46,11 +46,11 @@ impl Protocol for Amti {
         self.dialogue.rate_hz
     }
 
-    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
+    fn measure(&mut self, line: &mut Line, sample: &LoadSample) -> io::Result<()> {
         if !self.dialogue.streaming {
             return Ok(());
         }
-        let plates = felt.plates.iter().take(usize::from(self.dialogue.plates));
+        let plates = sample.plates.iter().take(usize::from(self.dialogue.plates));
         let bytes: Vec<u8> =
             plates.flat_map(|wrench| frame(self.gauges.counts(wrench.components()), false)).collect();
         line.send(&bytes, 1)

@@ -3,8 +3,8 @@
 use std::io;
 use std::net::SocketAddr;
 
-use super::felt::{Felt, Mounting};
 use super::http::HttpPort;
+use super::load::{LoadSample, Mounting};
 use super::port::Port as _;
 use super::{Device, FaultCounts, HostRequests};
 use crate::faults::Faults;
@@ -83,9 +83,9 @@ impl Device for AtiRdt {
         self.rate_hz
     }
 
-    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
-        let Some(wrench) = felt.plates.first() else { return Ok(()) };
-        self.server.send(self.mounting.plate.record(wrench, felt.number, 0))
+    fn measure(&mut self, sample: &LoadSample) -> io::Result<()> {
+        let Some(wrench) = sample.plates.first() else { return Ok(()) };
+        self.server.send(self.mounting.plate.record(wrench, sample.number, 0))
     }
 
     fn fault_counts(&self) -> FaultCounts {

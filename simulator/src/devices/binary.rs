@@ -2,8 +2,8 @@
 
 use std::io;
 
-use super::felt::{Felt, Mounting};
 use super::line::Line;
+use super::load::{LoadSample, Mounting};
 use super::{Connected, Protocol};
 use crate::wires::binary::{FRAME_LEN, Frame};
 
@@ -29,11 +29,11 @@ impl Protocol for Binary {
         self.rate_hz
     }
 
-    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
-        let Some(wrench) = felt.plates.first() else { return Ok(()) };
+    fn measure(&mut self, line: &mut Line, sample: &LoadSample) -> io::Result<()> {
+        let Some(wrench) = sample.plates.first() else { return Ok(()) };
         let frame = Frame {
-            sequence: felt.number as u16,
-            time_us: (felt.device_s * 1e6) as u64 as u32,
+            sequence: sample.number as u16,
+            time_us: (sample.device_s * 1e6) as u64 as u32,
             wrench: wrench.components().map(|number| number as f32),
         };
         line.send(&frame.to_bytes(), 1)

@@ -2,8 +2,8 @@
 
 use std::io;
 
-use super::felt::{Felt, Mounting};
 use super::line::Line;
+use super::load::{LoadSample, Mounting};
 use super::{Connected, HostRequests, Protocol};
 use crate::wires::bota::{Dialogue, Frame};
 
@@ -51,12 +51,12 @@ impl Protocol for Bota {
         self.dialogue.rate_hz()
     }
 
-    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
-        let Some(wrench) = felt.plates.first().filter(|_| self.dialogue.running) else { return Ok(()) };
+    fn measure(&mut self, line: &mut Line, sample: &LoadSample) -> io::Result<()> {
+        let Some(wrench) = sample.plates.first().filter(|_| self.dialogue.running) else { return Ok(()) };
         let frame = Frame {
             status: 0,
             wrench: wrench.components().map(|number| number as f32),
-            timestamp_us: (felt.device_s * 1e6) as u64 as u32,
+            timestamp_us: (sample.device_s * 1e6) as u64 as u32,
             temperature_c: 31.25,
         };
         line.send(&frame.to_bytes(), 1)

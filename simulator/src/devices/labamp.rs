@@ -5,9 +5,9 @@ use std::io;
 use std::net::SocketAddr;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use super::felt::{Felt, Mounting};
 use super::http::HttpPort;
 use super::line::Line;
+use super::load::{LoadSample, Mounting};
 use super::port::Port as _;
 use super::tcp::TcpPort;
 use super::{Connected, HostRequests, Protocol};
@@ -140,13 +140,13 @@ impl Protocol for LabAmp {
         self.rate_hz / self.repeated()
     }
 
-    fn measure(&mut self, stream: &mut Line, felt: &Felt) -> io::Result<()> {
-        let Some(wrench) = felt.plates.first().filter(|_| self.measuring && stream.is_open()) else {
+    fn measure(&mut self, stream: &mut Line, sample: &LoadSample) -> io::Result<()> {
+        let Some(wrench) = sample.plates.first().filter(|_| self.measuring && stream.is_open()) else {
             self.scans.clear();
             return Ok(());
         };
         if self.scans.is_empty() {
-            self.first_s = felt.device_s;
+            self.first_s = sample.device_s;
         }
         let forces = self.channels.forces_n(wrench.components());
         let scan: Vec<f32> = forces.iter().map(|newtons| *newtons as f32).collect();

@@ -3,8 +3,8 @@
 use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 
-use super::felt::{Felt, Mounting};
 use super::line::Line;
+use super::load::{LoadSample, Mounting};
 use super::tcp::TcpPort;
 use super::{Connected, HostRequests, Protocol};
 use crate::wires::lsl::{
@@ -149,10 +149,10 @@ impl Protocol for Lsl {
         self.info.rate_hz
     }
 
-    fn measure(&mut self, feed: &mut Line, felt: &Felt) -> io::Result<()> {
-        let Some(wrench) = felt.plates.first().filter(|_| self.feeding) else { return Ok(()) };
+    fn measure(&mut self, feed: &mut Line, sample: &LoadSample) -> io::Result<()> {
+        let Some(wrench) = sample.plates.first().filter(|_| self.feeding) else { return Ok(()) };
         let values = wrench.components().map(|number| number as f32);
-        feed.send(&lsl::sample(CLOCK_S + felt.device_s, &values), 1)
+        feed.send(&lsl::sample(CLOCK_S + sample.device_s, &values), 1)
     }
 
     fn power(&mut self, _feed: &mut Line, on: bool) -> io::Result<()> {

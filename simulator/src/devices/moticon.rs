@@ -3,8 +3,8 @@
 use core::fmt::Write;
 use std::io;
 
-use super::felt::{Felt, SoleLoad};
 use super::line::Line;
+use super::load::{InsoleLoad, LoadSample};
 use super::{Connected, Protocol};
 use crate::wires::moticon::{Channel, Insole, datagram};
 
@@ -25,7 +25,7 @@ impl Moticon {
 
 /// Data of one sole: its load and centre of pressure, spread evenly over sixteen cells, at rest. Both insoles count y
 /// towards the outer edge; the direction of Moticon's y axis is undocumented.
-fn insole(sole: &SoleLoad, outward: f64) -> Insole {
+fn insole(sole: &InsoleLoad, outward: f64) -> Insole {
     let [length, width] = sole.size_m;
     let area_cm2 = length * width * 1e4;
     Insole {
@@ -42,11 +42,11 @@ impl Protocol for Moticon {
         self.rate_hz
     }
 
-    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
+    fn measure(&mut self, line: &mut Line, sample: &LoadSample) -> io::Result<()> {
         // The insole fits the foot: its size equals the sole's.
-        let [left, right] = felt.soles.map(|sole| SoleLoad { size_m: self.size_m, ..sole });
+        let [left, right] = sample.soles.map(|sole| InsoleLoad { size_m: self.size_m, ..sole });
         let feet = [insole(&left, 1.0), insole(&right, -1.0)];
-        line.send(datagram(felt.device_s, &feet, &self.channels).as_bytes(), 1)
+        line.send(datagram(sample.device_s, &feet, &self.channels).as_bytes(), 1)
     }
 
     fn config(&self, line: &Line) -> String {

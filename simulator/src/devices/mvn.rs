@@ -2,8 +2,8 @@
 
 use std::io;
 
-use super::felt::Felt;
 use super::line::Line;
+use super::load::LoadSample;
 use super::{Connected, Protocol};
 use crate::wire::SuitFrame;
 
@@ -30,13 +30,13 @@ impl Protocol for Mvn {
         self.rate_hz
     }
 
-    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
-        if felt.number.is_multiple_of(self.rate_hz.round().max(1.0) as u32) {
+    fn measure(&mut self, line: &mut Line, sample: &LoadSample) -> io::Result<()> {
+        if sample.number.is_multiple_of(self.rate_hz.round().max(1.0) as u32) {
             for datagram in &self.introduction {
                 line.answer(datagram)?;
             }
         }
-        let frame = (self.see)(felt.time_s, felt.number, (felt.device_s * 1000.0) as u32);
+        let frame = (self.see)(sample.time_s, sample.number, (sample.device_s * 1000.0) as u32);
         // Its first datagram is the pose; the others alone are no sample.
         let datagrams = frame.datagrams().map_err(io::Error::other)?;
         for (samples, datagram) in [1].into_iter().chain(core::iter::repeat(0)).zip(datagrams) {

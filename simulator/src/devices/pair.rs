@@ -2,7 +2,7 @@
 
 use std::io;
 
-use super::felt::Felt;
+use super::load::LoadSample;
 use super::{Device, FaultCounts, HostRequests};
 use crate::faults::Faults;
 
@@ -41,10 +41,10 @@ impl Device for Pair {
         self.devices[0].rate_hz()
     }
 
-    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
+    fn measure(&mut self, sample: &LoadSample) -> io::Result<()> {
         for (k, device) in self.devices.iter_mut().enumerate() {
-            let plates = felt.plates.get(k).or(felt.plates.last()).copied().into_iter().collect();
-            device.measure(&Felt { plates, ..felt.clone() })?;
+            let plates = sample.plates.get(k).or(sample.plates.last()).copied().into_iter().collect();
+            device.measure(&LoadSample { plates, ..sample.clone() })?;
         }
         Ok(())
     }

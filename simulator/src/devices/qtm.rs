@@ -2,8 +2,8 @@
 
 use std::io;
 
-use super::felt::{Felt, Mounting};
 use super::line::Line;
+use super::load::{LoadSample, Mounting};
 use super::{Connected, HostRequests, Protocol};
 use crate::dynamics::Wrench;
 use crate::wires::qtm::{
@@ -108,13 +108,13 @@ impl Protocol for Qtm {
         FRAMES_HZ * f64::from(FORCES_OF_A_FRAME)
     }
 
-    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
+    fn measure(&mut self, line: &mut Line, sample: &LoadSample) -> io::Result<()> {
         if self.gathered.is_empty() {
             self.gathered = (1..=self.plates as i32)
                 .map(|id| Plate { id, force_number: self.forces as i32, forces: Vec::new() })
                 .collect();
         }
-        for (plate, wrench) in self.gathered.iter_mut().zip(&felt.plates) {
+        for (plate, wrench) in self.gathered.iter_mut().zip(&sample.plates) {
             plate.forces.push(reported(wrench));
         }
         self.forces = self.forces.wrapping_add(1);
@@ -138,7 +138,7 @@ impl Protocol for Qtm {
             components.push(force_single_component(&plates));
         }
         let samples = if force { plates.first().map_or(0, |plate| plate.forces.len() as u32) } else { 1 };
-        let bytes = data((felt.device_s * 1e6) as i64, self.frame, &components);
+        let bytes = data((sample.device_s * 1e6) as i64, self.frame, &components);
         line.send(&bytes, samples)
     }
 

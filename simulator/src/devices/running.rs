@@ -4,8 +4,8 @@ use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::felt::{Felt, Ground, OnFeet};
 use super::line::FaultCounts;
+use super::load::{Ground, LoadSample, OnFeet};
 use super::{Device, HostRequests};
 use crate::clock::{DeviceClock, monotonic_ns, sleep_until_ns, span_ns};
 use crate::dynamics::Wrench;
@@ -143,8 +143,9 @@ impl Runner {
             let plates = self.noisy(self.tared(on_feet.on(&self.ground)), number);
             let silent = orders.lock().unwrap_or_else(PoisonError::into_inner).silent;
             if self.plugged && !silent {
-                let felt = Felt { time_s, number, device_s: time_s * faster, plates, soles: on_feet.soles };
-                device.measure(&felt)?;
+                let sample =
+                    LoadSample { time_s, number, device_s: time_s * faster, plates, soles: on_feet.soles };
+                device.measure(&sample)?;
             }
             let mut reported = orders.lock().unwrap_or_else(PoisonError::into_inner);
             reported.fault_counts = device.fault_counts();
@@ -188,13 +189,13 @@ impl Runner {
     fn noisy(&self, plates: Vec<Wrench>, number: u32) -> Vec<Wrench> {
         let Some(noise) = self.pace.noise else { return plates };
         let mut random = Random::numbered(self.pace.seed, "plate noise", number);
-        plates.into_iter().map(|felt| noise.on(felt, &mut random)).collect()
+        plates.into_iter().map(|wrench| noise.on(wrench, &mut random)).collect()
     }
 
     fn tared(&self, mut plates: Vec<Wrench>) -> Vec<Wrench> {
-        for (felt, zero) in plates.iter_mut().zip(&self.zero) {
-            felt.force_n -= zero.force_n;
-            felt.moment_nm -= zero.moment_nm;
+        for (wrench, zero) in plates.iter_mut().zip(&self.zero) {
+            wrench.force_n -= zero.force_n;
+            wrench.moment_nm -= zero.moment_nm;
         }
         plates
     }

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::io;
 
-use super::felt::{Felt, Mounting};
 use super::line::Line;
+use super::load::{LoadSample, Mounting};
 use super::{Connected, HostRequests, Protocol};
 use crate::wires::tec_gihan::{BAUD, Dialogue, PlateInfo, State, block};
 
@@ -73,12 +73,13 @@ impl Protocol for TecGihan {
         self.dialogue.rate_hz()
     }
 
-    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
+    fn measure(&mut self, line: &mut Line, sample: &LoadSample) -> io::Result<()> {
         if self.dialogue.state != State::Measure {
             return Ok(());
         }
         let range = self.dialogue.range();
-        for ((filling, info), wrench) in self.filling.iter_mut().zip(&self.dialogue.plates).zip(&felt.plates)
+        for ((filling, info), wrench) in
+            self.filling.iter_mut().zip(&self.dialogue.plates).zip(&sample.plates)
         {
             filling.push(info.counts(range, wrench.components()));
         }

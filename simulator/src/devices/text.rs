@@ -2,8 +2,8 @@
 
 use std::io;
 
-use super::felt::{Felt, Mounting};
 use super::line::Line;
+use super::load::{LoadSample, Mounting};
 use super::{Connected, Protocol};
 use crate::wires::text::Style;
 
@@ -30,11 +30,11 @@ impl Protocol for Text {
         self.rate_hz
     }
 
-    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
-        let Some(wrench) = felt.plates.first() else { return Ok(()) };
+    fn measure(&mut self, line: &mut Line, sample: &LoadSample) -> io::Result<()> {
+        let Some(wrench) = sample.plates.first() else { return Ok(()) };
         let [fx, fy, fz, mx, my, mz] = wrench.components();
-        let fields = [felt.device_s * 1000.0, fx, fy, fz, mx, my, mz];
-        line.send(self.style.line(felt.number, &fields).as_bytes(), 1)
+        let fields = [sample.device_s * 1000.0, fx, fy, fz, mx, my, mz];
+        line.send(self.style.line(sample.number, &fields).as_bytes(), 1)
     }
 
     fn config(&self, line: &Line) -> String {

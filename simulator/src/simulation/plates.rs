@@ -83,21 +83,23 @@ impl Shared {
                 return Ok(rate_hz);
             }
             let time_s = clock.time_s();
-            let felt = plate.felt(&plate.in_the_station(&self.pressed(which, time_s)));
+            let wrench = plate.sensor_wrench(&plate.in_the_station(&self.pressed(which, time_s)));
             // Each sample has independent noise, whether or not those before it were requested.
             let mut random = Random::numbered(self.settings.seed, PLATE_NOISE[which], number - 1);
-            let mut felt = settings.noise.on(felt, &mut random);
+            let mut wrench = settings.noise.on(wrench, &mut random);
             if request == Some(Request::SetBias) {
-                (bias, reset_s) = (felt, time_s);
+                (bias, reset_s) = (wrench, time_s);
             }
             let drift = settings.zero.at(time_s - reset_s);
-            felt.force_n += drift.force_n;
-            felt.moment_nm += drift.moment_nm;
+            wrench.force_n += drift.force_n;
+            wrench.moment_nm += drift.moment_nm;
             if self.plate_silent[which].load(Ordering::Relaxed) {
                 return Ok(rate_hz);
             }
-            let unbiased =
-                Wrench { force_n: felt.force_n - bias.force_n, moment_nm: felt.moment_nm - bias.moment_nm };
+            let unbiased = Wrench {
+                force_n: wrench.force_n - bias.force_n,
+                moment_nm: wrench.moment_nm - bias.moment_nm,
+            };
             let status = self.plate_status.load(Ordering::Relaxed);
             server.set_faults(faults.plate_faults);
             server.send(plate.record(&unbiased, clock.counter(), status))?;

@@ -79,8 +79,8 @@ fn angular_velocities_match_the_rotation() {
     }
     // A tracker measures gravity and its own acceleration.
     for tracker in &now.more.trackers {
-        let [felt, _] = tracker.felt.unwrap();
-        let strength = felt.iter().map(|part| part * part).sum::<f32>().sqrt();
+        let [measured, _] = tracker.measured.unwrap();
+        let strength = measured.iter().map(|part| part * part).sum::<f32>().sqrt();
         assert!((5.0..20.0).contains(&strength), "{tracker:?}");
     }
     assert_eq!(now.more.trackers.len(), 17);

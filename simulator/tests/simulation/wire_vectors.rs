@@ -184,7 +184,7 @@ fn again(bytes: &[u8]) -> Vec<u8> {
                 segment_id: p.word(),
                 orientation_wxyz: p.floats(),
                 free_acceleration: p.floats(),
-                felt: Some([p.floats(), p.floats()]),
+                measured: Some([p.floats(), p.floats()]),
                 magnetic: p.floats(),
             }),
         ),

@@ -86,7 +86,7 @@ pub enum Fault {
     /// A scale error: all positions times 1.2.
     SuitScaled,
     /// One counter value out of sequence.
-    OddCounter,
+    InvalidCounter,
     /// No reading for half a second, then the wrench times 1.5.
     HighAfterGap,
     /// No reading for half a second, then the wrench times two.
@@ -143,7 +143,7 @@ impl Fault {
         Fault::SuitLeap,
         Fault::SuitTurned,
         Fault::SuitScaled,
-        Fault::OddCounter,
+        Fault::InvalidCounter,
         Fault::HighAfterGap,
         Fault::DoubleAfterGap,
         Fault::LateSuit,
@@ -183,7 +183,7 @@ impl Fault {
             Fault::SuitLeap => "suit: 0.5 m aside",
             Fault::SuitTurned => "suit: turned by 90°",
             Fault::SuitScaled => "suit: places times 1.2",
-            Fault::OddCounter => "suit: one odd counter",
+            Fault::InvalidCounter => "suit: one invalid counter",
             Fault::HighAfterGap => "plate: 0.5 s silent, then gain 1.5",
             Fault::DoubleAfterGap => "plate: 0.5 s silent, then double",
             Fault::LateSuit => "suit: 0.3 s late for 20 s",
@@ -281,7 +281,7 @@ impl Fault {
             Fault::SuitScaled => {
                 sample.position_m.iter_mut().flatten().for_each(|metres| *metres *= 1.2);
             }
-            Fault::OddCounter if is_first => sample.device_counter = 7,
+            Fault::InvalidCounter if is_first => sample.device_counter = 7,
             _ => {}
         }
     }

@@ -7,7 +7,8 @@ const HOLD_NS: u64 = 2_000_000_000;
 /// A longer interval between samples is a gap, ns.
 const GAP_NS: u64 = 300_000_000;
 /// Distance, m, or rotation, rad, from which a position counts as another one.
-const POSITION_STEP: (f64, f64) = (0.08, 0.35);
+const STEP_M: f64 = 0.08;
+const STEP_RAD: f64 = 0.35;
 
 /// One sample of a person on a plate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,5 +110,5 @@ fn is_same_position(one: &Hold, other: &Hold) -> bool {
     let apart_m =
         f64::hypot(one.measured_m[0] - other.measured_m[0], one.measured_m[1] - other.measured_m[1]);
     let turned = one.heading_rad - other.heading_rad;
-    apart_m < POSITION_STEP.0 && f64::atan2(turned.sin(), turned.cos()).abs() < POSITION_STEP.1
+    apart_m < STEP_M && f64::atan2(turned.sin(), turned.cos()).abs() < STEP_RAD
 }

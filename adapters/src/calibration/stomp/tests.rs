@@ -3,7 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 
-const MS: i64 = 1_000_000;
+const NS_PER_MS: i64 = 1_000_000;
 /// Integration step, s.
 const STEP_S: f64 = 5e-5;
 
@@ -67,7 +67,7 @@ fn session(contact: Contact, stomps_s: &[f64], suit_hz: f64, offset_ns: i64) -> 
         let running = stomps_s.iter().find(|begin| (0.0..1.0).contains(&(time_s - **begin)));
         running.map_or(rest, |begin| Stomp::at(values, time_s - begin))
     };
-    let ns = |time_s: f64| (time_s * 1e9) as i64 + 100_000 * MS;
+    let ns = |time_s: f64| (time_s * 1e9) as i64 + 100_000 * NS_PER_MS;
     let mut hum = 0.7_f64;
     let plate = (0..(length_s * 1000.0) as usize).map(|index| {
         let time_s = index as f64 / 1000.0;
@@ -90,14 +90,14 @@ fn a_leg_that_is_thrown_down_lightens_the_plate_before_it_lands() {
     let light =
         Contact { mass_kg: 3.0, speed_m_per_s: 1.0, stiffness_n_per_m: 40e3, damping_n_s_per_m: 100.0 };
     for suit_hz in [60.0, 240.0] {
-        let (mut plate, feet) = session(light, &begins_s, suit_hz, 40 * MS);
+        let (mut plate, feet) = session(light, &begins_s, suit_hz, 40 * NS_PER_MS);
         for force in &mut plate {
-            let time_s = (force.time_ns as i64 - 100_000 * MS) as f64 * 1e-9;
+            let time_s = (force.time_ns as i64 - 100_000 * NS_PER_MS) as f64 * 1e-9;
             let thrown = begins_s.iter().any(|begin_s| (0.42..0.455).contains(&(time_s - begin_s)));
             force.vertical_n -= if thrown { 200.0 } else { 0.0 };
         }
         let result = estimate(&plate, &feet, &settings()).unwrap();
-        let off_ns = result.offset_ns - 40 * MS;
+        let off_ns = result.offset_ns - 40 * NS_PER_MS;
         assert!(
             off_ns.abs() < 2 * result.sigma_ns.cast_signed(),
             "{suit_hz} Hz: {off_ns} ns off, {result:?}"
@@ -129,14 +129,14 @@ fn a_foot_on_many_grounds() {
     let mut count = 0.0;
     for contact in contacts {
         for suit_hz in [60.0, 120.0, 240.0] {
-            let (plate, feet) = session(contact, &[0.0, 1.3, 2.9], suit_hz, 83 * MS);
+            let (plate, feet) = session(contact, &[0.0, 1.3, 2.9], suit_hz, 83 * NS_PER_MS);
             let found = estimate(&plate, &feet, &settings()).unwrap();
             assert_eq!(
                 (found.stomps, found.plate_hits, found.foot_stops),
                 (3, 3, 3),
                 "{contact:?} {suit_hz}"
             );
-            let off_ns = (found.offset_ns - 83 * MS) as f64;
+            let off_ns = (found.offset_ns - 83 * NS_PER_MS) as f64;
             assert!(off_ns.abs() < 3.0 * found.sigma_ns as f64, "{contact:?} {suit_hz} Hz: {found:?}");
             println!("{contact:?}, {suit_hz} Hz: off by {:.2} ms", off_ns / 1e6);
             square_sum += off_ns * off_ns;
@@ -150,7 +150,7 @@ fn a_foot_on_many_grounds() {
 
 #[test]
 fn heights_do_as_well_as_velocities() {
-    let (plate, feet) = session(USUAL, &[0.0, 1.3, 2.9], 120.0, -40 * MS);
+    let (plate, feet) = session(USUAL, &[0.0, 1.3, 2.9], 120.0, -40 * NS_PER_MS);
     let mut height_m = 0.3;
     let heights: Vec<_> = feet
         .iter()
@@ -161,14 +161,14 @@ fn heights_do_as_well_as_velocities() {
         .collect();
     let found = estimate(&plate, &feet_of_heights(&heights), &settings()).unwrap();
     assert_eq!(found.stomps, 3);
-    assert!((found.offset_ns + 40 * MS).unsigned_abs() < 3 * found.sigma_ns, "{found:?}");
+    assert!((found.offset_ns + 40 * NS_PER_MS).unsigned_abs() < 3 * found.sigma_ns, "{found:?}");
 }
 
 #[test]
 fn one_stomp_is_enough_and_says_less() {
-    let (plate, feet) = session(USUAL, &[0.4], 240.0, 20 * MS);
+    let (plate, feet) = session(USUAL, &[0.4], 240.0, 20 * NS_PER_MS);
     let one = estimate(&plate, &feet, &settings()).unwrap();
-    let (plate, feet) = session(USUAL, &[0.4, 1.7, 3.4, 4.6], 240.0, 20 * MS);
+    let (plate, feet) = session(USUAL, &[0.4, 1.7, 3.4, 4.6], 240.0, 20 * NS_PER_MS);
     let four = estimate(&plate, &feet, &settings()).unwrap();
     assert_eq!((one.stomps, four.stomps, one.residual_ns), (1, 4, 0));
     assert!(one.sigma_ns > four.sigma_ns, "{} {}", one.sigma_ns, four.sigma_ns);
@@ -183,7 +183,7 @@ fn a_regular_beat_is_refused() {
     let wide = StompSettings { offset_max_ns: 10_000_000_000, ..settings() };
     // All three fit with a shift of one beat, and the data cannot exclude it: the beat should be irregular.
     let found = estimate(&plate, &feet, &wide).unwrap();
-    assert!(found.stomps == 3 && (found.offset_ns - 1000 * MS).abs() < 12 * MS, "{found:?}");
+    assert!(found.stomps == 3 && (found.offset_ns - 1000 * NS_PER_MS).abs() < 12 * NS_PER_MS, "{found:?}");
     let one: Vec<_> = plate.iter().copied().filter(|force| force.time_ns < 102_300_000_000).collect();
     let Err(StompRefusal::Ambiguous { stomps, .. }) = estimate(&one, &feet, &wide) else {
         panic!("{:?}", estimate(&one, &feet, &wide));
@@ -191,7 +191,7 @@ fn a_regular_beat_is_refused() {
     assert_eq!(stomps, 1);
     // The limit of the offset decides.
     let near = StompSettings { offset_max_ns: 500_000_000, ..settings() };
-    assert!(estimate(&one, &feet, &near).unwrap().offset_ns.abs() < 12 * MS);
+    assert!(estimate(&one, &feet, &near).unwrap().offset_ns.abs() < 12 * NS_PER_MS);
 }
 
 #[test]
@@ -226,7 +226,7 @@ fn what_is_no_stomp_is_said() {
 fn a_stomp_in_a_gap_is_not_used() {
     let (mut plate, feet) = session(USUAL, &[0.0, 1.3, 2.9], 240.0, 0);
     let hit_ns = 100_510_000_000_u64;
-    plate.retain(|force| force.time_ns.abs_diff(hit_ns) > 100 * MS as u64);
+    plate.retain(|force| force.time_ns.abs_diff(hit_ns) > 100 * NS_PER_MS as u64);
     let found = estimate(&plate, &feet, &settings()).unwrap();
     assert_eq!((found.stomps, found.plate_hits, found.foot_stops), (2, 2, 3));
 }
@@ -280,11 +280,11 @@ proptest! {
         let still = estimate(&plate, &feet, &settings()).unwrap();
         let moved: Vec<_> = feet
             .iter()
-            .map(|feet| Feet { time_ns: feet.time_ns.saturating_add_signed(-shift_ms * MS), ..*feet })
+            .map(|feet| Feet { time_ns: feet.time_ns.saturating_add_signed(-shift_ms * NS_PER_MS), ..*feet })
             .collect();
         let found = estimate(&plate, &moved, &settings()).unwrap();
         // Rounding to whole nanoseconds is towards zero.
-        prop_assert!((found.offset_ns - still.offset_ns - shift_ms * MS).abs() <= 1, "{found:?} {still:?}");
+        prop_assert!((found.offset_ns - still.offset_ns - shift_ms * NS_PER_MS).abs() <= 1, "{found:?} {still:?}");
         prop_assert_eq!(StompOffset { offset_ns: 0, ..found }, StompOffset { offset_ns: 0, ..still });
     }
 

@@ -9,13 +9,13 @@ use crate::ground::refusal::GroundRefusal;
 use crate::wire::bota::{FRAME_SIZE, Frame, HEADER, setup, status};
 use crate::wire::sliding::{Sliding, StreamElement};
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 /// Timeout of an answer, after which the command is repeated.
-const ANSWER_NS: u64 = 1000 * MS;
+const ANSWER_NS: u64 = 1000 * NS_PER_MS;
 /// This many unanswered commands in a row are reported.
 const UNANSWERED: u32 = 2;
 /// Silence of the line that is reported.
-const SILENCE_NS: u64 = 2000 * MS;
+const SILENCE_NS: u64 = 2000 * NS_PER_MS;
 /// Length of the last bytes that may begin an answer.
 const ANSWER_MAX: usize = 16;
 /// Status bits that forbid to use a sample. A late sample is valid; other bits are undefined.

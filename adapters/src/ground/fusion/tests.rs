@@ -2,7 +2,7 @@ use super::*;
 use bytemuck::Zeroable;
 use proptest::prelude::*;
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 
 fn plate(device: DeviceKind, time_ns: u64, force_n: [f64; 3], at_m: [f64; 2]) -> GroundSample {
     let [x, y] = at_m;
@@ -10,7 +10,7 @@ fn plate(device: DeviceKind, time_ns: u64, force_n: [f64; 3], at_m: [f64; 2]) ->
     GroundSample {
         sample_time_ns: time_ns,
         sample_time_sigma_ns: 3000,
-        arrival_ns: time_ns + MS,
+        arrival_ns: time_ns + NS_PER_MS,
         force_n,
         moment_nm: [y * fz, -x * fz, x * fy - y * fx],
         devices: device as u32,
@@ -62,13 +62,17 @@ fn without_partner(fusion: &Fusion) -> u64 {
 #[test]
 fn the_sum_has_the_feet_of_its_parts_and_says_whose_they_are() {
     let mut fusion = two_plates();
-    fusion.push(0, GroundSample { device_counter: 7, session: 2, ..first(10 * MS, 300.0) }, 11 * MS);
-    assert!(fused(&mut fusion, 11 * MS).is_empty(), "a part is not the whole");
-    fusion.push(1, second(9 * MS, 400.0), 11 * MS);
-    assert!(fused(&mut fusion, 11 * MS).is_empty(), "not held");
-    fusion.push(1, GroundSample { session: 1, ..second(11 * MS, 420.0) }, 12 * MS);
-    let [whole] = fused(&mut fusion, 12 * MS)[..] else { panic!("one sample") };
-    assert_eq!((whole.sample_time_ns, whole.force_n), (10 * MS, [0.0, 0.0, 710.0]));
+    fusion.push(
+        0,
+        GroundSample { device_counter: 7, session: 2, ..first(10 * NS_PER_MS, 300.0) },
+        11 * NS_PER_MS,
+    );
+    assert!(fused(&mut fusion, 11 * NS_PER_MS).is_empty(), "a part is not the whole");
+    fusion.push(1, second(9 * NS_PER_MS, 400.0), 11 * NS_PER_MS);
+    assert!(fused(&mut fusion, 11 * NS_PER_MS).is_empty(), "not held");
+    fusion.push(1, GroundSample { session: 1, ..second(11 * NS_PER_MS, 420.0) }, 12 * NS_PER_MS);
+    let [whole] = fused(&mut fusion, 12 * NS_PER_MS)[..] else { panic!("one sample") };
+    assert_eq!((whole.sample_time_ns, whole.force_n), (10 * NS_PER_MS, [0.0, 0.0, 710.0]));
     assert_eq!((whole.foot_vertical_n, whole.per_foot), ([300.0, 410.0], 1));
     assert_eq!(whole.devices, DeviceKind::Plate as u32 | DeviceKind::SecondPlate as u32);
     assert_eq!((whole.device_counter, whole.session, whole.sequence), (7, 3, 1));
@@ -86,12 +90,12 @@ fn without_feet_there_is_only_the_sum_and_the_right_foot_may_come_first() {
     let mut sum = Fusion::new(FusionSettings::new(FusionKind::TwoPlates { left: None }, [0; 2]));
     let mut right_first = Fusion::new(FusionSettings::new(FusionKind::TwoPlates { left: Some(1) }, [0; 2]));
     for fusion in [&mut sum, &mut right_first] {
-        fusion.push(1, second(10 * MS, 400.0), 10 * MS);
-        fusion.push(0, first(10 * MS, 300.0), 10 * MS);
+        fusion.push(1, second(10 * NS_PER_MS, 400.0), 10 * NS_PER_MS);
+        fusion.push(0, first(10 * NS_PER_MS, 300.0), 10 * NS_PER_MS);
     }
-    let whole = fused(&mut sum, 10 * MS)[0];
+    let whole = fused(&mut sum, 10 * NS_PER_MS)[0];
     assert_eq!((whole.force_n[2], whole.per_foot, whole.foot_vertical_n), (700.0, 0, [0.0; 2]));
-    assert_eq!(fused(&mut right_first, 10 * MS)[0].foot_vertical_n, [400.0, 300.0]);
+    assert_eq!(fused(&mut right_first, 10 * NS_PER_MS)[0].foot_vertical_n, [400.0, 300.0]);
 }
 
 #[test]
@@ -100,7 +104,7 @@ fn one_plate_of_two_is_never_the_whole() {
     let mut fused_count = 0;
     // The second device is disconnected from 0.5 s to 1.5 s; both send every 2 ms.
     for step in 0..1000 {
-        let now_ns = (1000 + 2 * step) * MS;
+        let now_ns = (1000 + 2 * step) * NS_PER_MS;
         fusion.push(0, first(now_ns, 300.0), now_ns);
         if !(250..750).contains(&step) {
             fusion.push(1, second(now_ns, 400.0), now_ns);
@@ -119,8 +123,8 @@ fn one_plate_of_two_is_never_the_whole() {
 fn the_first_device_silent_leaves_nothing_of_the_second() {
     let mut fusion = two_plates();
     for step in 0..500 {
-        fusion.push(1, second(step * MS, 400.0), step * MS);
-        assert!(fused(&mut fusion, step * MS).is_empty());
+        fusion.push(1, second(step * NS_PER_MS, 400.0), step * NS_PER_MS);
+        assert!(fused(&mut fusion, step * NS_PER_MS).is_empty());
     }
 }
 
@@ -128,7 +132,7 @@ fn the_first_device_silent_leaves_nothing_of_the_second() {
 fn the_wait_is_bounded_and_as_long_as_the_second_is_known_to_be_late() {
     let kind = FusionKind::TwoPlates { left: None };
     for (latency_ns, wait_ns) in
-        [([0, 0], WAIT_NS), ([0, 80 * MS], WAIT_NS + 80 * MS), ([80 * MS, 0], WAIT_NS)]
+        [([0, 0], WAIT_NS), ([0, 80 * NS_PER_MS], WAIT_NS + 80 * NS_PER_MS), ([80 * NS_PER_MS, 0], WAIT_NS)]
     {
         let mut fusion = Fusion::new(FusionSettings::new(kind, latency_ns));
         fusion.push(0, first(0, 300.0), 0);
@@ -143,39 +147,43 @@ fn the_wait_is_bounded_and_as_long_as_the_second_is_known_to_be_late() {
 fn what_one_does_not_measure_or_reports_as_a_fault_is_so_of_the_sum() {
     let mut fusion = two_plates();
     let shear = Component::Shear as u32;
-    fusion.push(0, GroundSample { not_measured: shear, ..first(MS, 300.0) }, MS);
-    fusion.push(1, GroundSample { device_status: 4, ..second(MS, 400.0) }, MS);
-    let whole = fused(&mut fusion, MS)[0];
+    fusion.push(0, GroundSample { not_measured: shear, ..first(NS_PER_MS, 300.0) }, NS_PER_MS);
+    fusion.push(1, GroundSample { device_status: 4, ..second(NS_PER_MS, 400.0) }, NS_PER_MS);
+    let whole = fused(&mut fusion, NS_PER_MS)[0];
     assert_eq!((whole.not_measured, whole.device_status), (shear, 4));
     assert!(whole.cop_m().is_err() && whole.feet().is_none());
-    let untimed = GroundSample { sample_time_sigma_ns: u64::MAX, ..first(2 * MS, 300.0) };
-    fusion.push(0, untimed, 2 * MS);
-    fusion.push(1, second(2 * MS, 400.0), 2 * MS);
-    assert_eq!(fused(&mut fusion, 2 * MS)[0].sample_time_sigma_ns, u64::MAX);
+    let untimed = GroundSample { sample_time_sigma_ns: u64::MAX, ..first(2 * NS_PER_MS, 300.0) };
+    fusion.push(0, untimed, 2 * NS_PER_MS);
+    fusion.push(1, second(2 * NS_PER_MS, 400.0), 2 * NS_PER_MS);
+    assert_eq!(fused(&mut fusion, 2 * NS_PER_MS)[0].sample_time_sigma_ns, u64::MAX);
 }
 
 #[test]
 fn a_restarted_device_may_step_back_and_a_second_sample_of_the_same_time_may_not() {
     let mut fusion = two_plates();
-    fusion.push(1, second(100 * MS, 400.0), 100 * MS);
-    fusion.push(1, second(100 * MS, 400.0), 100 * MS);
+    fusion.push(1, second(100 * NS_PER_MS, 400.0), 100 * NS_PER_MS);
+    fusion.push(1, second(100 * NS_PER_MS, 400.0), 100 * NS_PER_MS);
     assert_eq!(fusion.counts().refused[GroundRefusal::OutOfOrder.index()], 1);
-    for time_ns in [50 * MS, 52 * MS] {
-        fusion.push(1, GroundSample { session: 1, ..second(time_ns, 400.0) }, 100 * MS);
+    for time_ns in [50 * NS_PER_MS, 52 * NS_PER_MS] {
+        fusion.push(1, GroundSample { session: 1, ..second(time_ns, 400.0) }, 100 * NS_PER_MS);
     }
-    fusion.push(0, first(51 * MS, 300.0), 100 * MS);
-    assert_eq!(fused(&mut fusion, 100 * MS)[0].force_n[2], 700.0);
+    fusion.push(0, first(51 * NS_PER_MS, 300.0), 100 * NS_PER_MS);
+    assert_eq!(fused(&mut fusion, 100 * NS_PER_MS)[0].force_n[2], 700.0);
 }
 
 #[test]
 fn insoles_share_what_the_plate_weighs() {
     let mut fusion = plate_and_insoles();
-    fusion.push(0, GroundSample { force_n: [5.0, -3.0, 700.0], ..first(10 * MS, 0.0) }, 10 * MS);
+    fusion.push(
+        0,
+        GroundSample { force_n: [5.0, -3.0, 700.0], ..first(10 * NS_PER_MS, 0.0) },
+        10 * NS_PER_MS,
+    );
     // The insoles measure a tenth too little, and only the vertical force.
-    for time_ns in [5 * MS, 15 * MS] {
-        fusion.push(1, insoles(time_ns, [210.0, 420.0]), 15 * MS);
+    for time_ns in [5 * NS_PER_MS, 15 * NS_PER_MS] {
+        fusion.push(1, insoles(time_ns, [210.0, 420.0]), 15 * NS_PER_MS);
     }
-    let whole = fused(&mut fusion, 15 * MS)[0];
+    let whole = fused(&mut fusion, 15 * NS_PER_MS)[0];
     assert_eq!((whole.force_n, whole.not_measured), ([5.0, -3.0, 700.0], 0));
     assert!((whole.foot_vertical_n[0] - 233.333).abs() < 1e-3);
     assert!((whole.foot_vertical_n[1] - 466.667).abs() < 1e-3);
@@ -187,25 +195,25 @@ fn insoles_share_what_the_plate_weighs() {
 #[test]
 fn a_plate_whose_insoles_are_off_is_still_the_whole_and_says_that_it_is_alone() {
     let mut fusion = plate_and_insoles();
-    for time_ns in [5 * MS, 15 * MS] {
-        fusion.push(1, insoles(time_ns, [0.0; 2]), 15 * MS);
+    for time_ns in [5 * NS_PER_MS, 15 * NS_PER_MS] {
+        fusion.push(1, insoles(time_ns, [0.0; 2]), 15 * NS_PER_MS);
     }
-    fusion.push(0, first(10 * MS, 700.0), 15 * MS);
-    let shoes_off = fused(&mut fusion, 15 * MS)[0];
+    fusion.push(0, first(10 * NS_PER_MS, 700.0), 15 * NS_PER_MS);
+    let shoes_off = fused(&mut fusion, 15 * NS_PER_MS)[0];
     assert_eq!((shoes_off.force_n[2], shoes_off.per_foot), (700.0, 0));
     assert_eq!(shoes_off.devices, DeviceKind::Plate as u32);
     // Silent insoles: waited for at first, then no longer.
-    fusion.push(0, first(20 * MS, 700.0), 20 * MS);
-    assert!(fused(&mut fusion, 21 * MS).is_empty());
-    let late = fused(&mut fusion, 20 * MS + WAIT_NS);
+    fusion.push(0, first(20 * NS_PER_MS, 700.0), 20 * NS_PER_MS);
+    assert!(fused(&mut fusion, 21 * NS_PER_MS).is_empty());
+    let late = fused(&mut fusion, 20 * NS_PER_MS + WAIT_NS);
     assert_eq!((late.len(), without_partner(&fusion)), (1, 1));
-    fusion.push(0, first(400 * MS, 700.0), 400 * MS);
-    let alone = fused(&mut fusion, 400 * MS)[0];
+    fusion.push(0, first(400 * NS_PER_MS, 700.0), 400 * NS_PER_MS);
+    let alone = fused(&mut fusion, 400 * NS_PER_MS)[0];
     assert_eq!((alone.devices, alone.per_foot), (DeviceKind::Plate as u32, 0));
     // Nothing on the plate: both devices agree, so a tare has data of both feet.
-    fusion.push(1, insoles(420 * MS, [0.0; 2]), 420 * MS);
-    fusion.push(0, first(420 * MS, 12.0), 420 * MS);
-    let empty = fused(&mut fusion, 420 * MS)[0];
+    fusion.push(1, insoles(420 * NS_PER_MS, [0.0; 2]), 420 * NS_PER_MS);
+    fusion.push(0, first(420 * NS_PER_MS, 12.0), 420 * NS_PER_MS);
+    let empty = fused(&mut fusion, 420 * NS_PER_MS)[0];
     assert!(empty.has_feet() && empty.foot_vertical_n == [6.0, 6.0]);
 }
 
@@ -221,7 +229,7 @@ proptest! {
         let line = |device: usize, time_ns: u64| 350.0 + slopes[device] * time_ns as f64 * 1e-9;
         let mut events = Vec::new();
         for step in 0..400_u64 {
-            let time_ns = step * MS;
+            let time_ns = step * NS_PER_MS;
             events.push((time_ns, 0, first(time_ns, line(0, time_ns))));
         }
         for (step, lost) in lost.iter().enumerate() {
@@ -252,14 +260,18 @@ proptest! {
 #[test]
 fn a_fault_of_the_insoles_leaves_the_plate_valid() {
     let mut fusion = plate_and_insoles();
-    for time_ns in [10 * MS, 20 * MS] {
-        let status = u32::from(time_ns == 20 * MS);
-        fusion.push(1, GroundSample { device_status: status, ..insoles(time_ns, [300.0, 400.0]) }, 25 * MS);
+    for time_ns in [10 * NS_PER_MS, 20 * NS_PER_MS] {
+        let status = u32::from(time_ns == 20 * NS_PER_MS);
+        fusion.push(
+            1,
+            GroundSample { device_status: status, ..insoles(time_ns, [300.0, 400.0]) },
+            25 * NS_PER_MS,
+        );
     }
-    for time_ns in [10 * MS, 15 * MS] {
-        fusion.push(0, first(time_ns, 700.0), 25 * MS);
+    for time_ns in [10 * NS_PER_MS, 15 * NS_PER_MS] {
+        fusion.push(0, first(time_ns, 700.0), 25 * NS_PER_MS);
     }
-    let [both, alone] = fused(&mut fusion, 25 * MS)[..] else { panic!("two samples") };
+    let [both, alone] = fused(&mut fusion, 25 * NS_PER_MS)[..] else { panic!("two samples") };
     assert_eq!((both.device_status, both.per_foot), (0, 1));
     assert_eq!((alone.device_status, alone.per_foot), (0, 0), "between a sample and a faulty one");
     assert_eq!((alone.devices, alone.force_n[2]), (DeviceKind::Plate as u32, 700.0));
@@ -267,18 +279,22 @@ fn a_fault_of_the_insoles_leaves_the_plate_valid() {
 }
 
 #[test]
-fn the_session_of_the_whole_never_falls_however_often_the_insoles_fail() {
+fn session_and_clock_epoch_of_the_whole_never_fall_however_often_the_insoles_fail() {
     let mut fusion = plate_and_insoles();
     let mut sessions = Vec::new();
     for index in 0..400u64 {
-        let now_ns = 1000 * MS + index * 10 * MS;
+        let now_ns = 1000 * NS_PER_MS + index * 10 * NS_PER_MS;
         let session = (index / 100) as u32;
         // Insoles that restart after every second and are silent for half of it.
         if index % 100 < 50 {
-            fusion.push(1, GroundSample { session, ..insoles(now_ns, [300.0, 400.0]) }, now_ns);
+            let clock_epoch = 2 * session;
+            fusion.push(1, GroundSample { session, clock_epoch, ..insoles(now_ns, [300.0, 400.0]) }, now_ns);
         }
-        fusion.push(0, first(now_ns - 5 * MS, 700.0), now_ns);
-        sessions.extend(fused(&mut fusion, now_ns).iter().map(|sample| (sample.session, sample.per_foot)));
+        fusion.push(0, first(now_ns - 5 * NS_PER_MS, 700.0), now_ns);
+        for sample in fused(&mut fusion, now_ns) {
+            assert_eq!(sample.clock_epoch, 2 * sample.session);
+            sessions.push((sample.session, sample.per_foot));
+        }
     }
     assert!(sessions.is_sorted_by_key(|(session, _)| *session), "{sessions:?}");
     assert_eq!(sessions.last().map(|(session, _)| *session), Some(3));
@@ -293,10 +309,10 @@ fn a_lifted_foot_whose_zero_is_off_has_the_centre_of_its_moments() {
         foot_cop_m: [[x_m, 0.0], [0.0; 2]],
         ..insoles(time_ns, [left_n, 700.0])
     };
-    fusion.push(1, sole(0, -10.0, 0.1), MS);
-    fusion.push(1, sole(10 * MS, -30.0, 0.3), 11 * MS);
-    fusion.push(0, first(5 * MS, 700.0), 11 * MS);
-    let [whole] = fused(&mut fusion, 11 * MS)[..] else { panic!("one sample") };
+    fusion.push(1, sole(0, -10.0, 0.1), NS_PER_MS);
+    fusion.push(1, sole(10 * NS_PER_MS, -30.0, 0.3), 11 * NS_PER_MS);
+    fusion.push(0, first(5 * NS_PER_MS, 700.0), 11 * NS_PER_MS);
+    let [whole] = fused(&mut fusion, 11 * NS_PER_MS)[..] else { panic!("one sample") };
     // (-10 × 0.1 - 30 × 0.3) ÷ (-10 - 30)
     assert!((whole.foot_cop_m[0][0] - 0.25).abs() < 1e-12, "{:?}", whole.foot_cop_m);
 }

@@ -1,7 +1,7 @@
 use super::*;
 use crate::ground::frame::Wrench;
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 
 fn reading(force_n: f64, sequence: Option<u32>) -> DecoderEvent {
     let tick = sequence.map_or(Tick::Uncounted, Tick::Counter);
@@ -14,7 +14,7 @@ fn run(events: impl IntoIterator<Item = DecoderEvent>) -> (Vec<GroundSample>, Gr
     let (mut receiver, mut samples) = (GroundReceiver::new(GroundSettings::default()), Vec::new());
     for (index, event) in events.into_iter().enumerate() {
         let mut decoded = Decoded { events: vec![event], block_latency_ns: None };
-        receiver.receive(&mut decoded, 1000 * MS + index as u64 * 10 * MS, &mut samples);
+        receiver.receive(&mut decoded, 1000 * NS_PER_MS + index as u64 * 10 * NS_PER_MS, &mut samples);
     }
     (samples, receiver)
 }
@@ -33,7 +33,7 @@ fn readings_of_no_use_take_their_time_where_nothing_but_their_coming_counts() {
     assert_eq!((samples.len(), receiver.counts().lost), (used.len(), 0));
     for sample in &samples {
         let off_ns = sample.sample_time_ns.abs_diff(sample.arrival_ns);
-        assert!(off_ns < MS, "{off_ns} ns off at {}", sample.arrival_ns);
+        assert!(off_ns < NS_PER_MS, "{off_ns} ns off at {}", sample.arrival_ns);
     }
     assert!(samples.iter().all(|sample| sample.session == 0));
 }
@@ -52,4 +52,13 @@ fn a_reading_of_no_use_is_refused_and_not_lost() {
     assert_eq!((samples.len(), receiver.counts().lost), (3, 1), "13 never came");
     assert_eq!((refused(GroundRefusal::NotFinite), refused(GroundRefusal::Implausible)), (1, 1));
     assert_eq!(refused(GroundRefusal::Duplicate), 1);
+}
+
+#[test]
+fn a_counter_that_jumps_ahead_begins_a_clock_epoch_and_no_session() {
+    let jump = |index: u32| if index < 300 { index } else { index + 100 };
+    let (samples, _) = run((0..600).map(|index| reading(-700.0, Some(jump(index)))));
+    for (index, sample) in samples.iter().enumerate() {
+        assert_eq!((sample.clock_epoch, sample.session), (u32::from(index >= 300), 0), "{index}");
+    }
 }

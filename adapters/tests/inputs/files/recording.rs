@@ -13,13 +13,13 @@ use equipoise_core::message::layout::Primitive;
 use equipoise_core::message::{CycleRecord, GroundSample, Message, State, SuitSample};
 use proptest::prelude::*;
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 
 fn header() -> RecordingHeader {
     RecordingHeader {
         software_version: "0.1.0".to_owned(),
         started_unix_ns: 1_700_000_000_000_000_000,
-        started_monotonic_ns: 5_000 * MS,
+        started_monotonic_ns: 5_000 * NS_PER_MS,
         config_toml: "station = \"station-1\"\n".to_owned(),
         subject_toml: "id = \"anon-1\"\n".to_owned(),
         similar_toml: "likeness = 0.7\n".to_owned(),
@@ -54,8 +54,8 @@ fn a_recording_made_in_memory_has_the_bytes_of_one_on_disk() {
     let mut in_memory = Recorder::in_memory(&path, &header()).unwrap();
     for cycle in 1..=1000 {
         let record = CycleRecord { cycle, ..Zeroable::zeroed() };
-        on_disk.write(cycle * 10 * MS, &record).unwrap();
-        in_memory.write(cycle * 10 * MS, &record).unwrap();
+        on_disk.write(cycle * 10 * NS_PER_MS, &record).unwrap();
+        in_memory.write(cycle * 10 * NS_PER_MS, &record).unwrap();
     }
     on_disk.finish().unwrap();
     let bytes = in_memory.into_bytes().unwrap();
@@ -69,7 +69,7 @@ fn recorded(cycles: u64) -> Vec<u8> {
     let path = directory.path().join("a.mcap");
     let mut recorder = Recorder::create(&path, &header()).unwrap();
     for cycle in 1..=cycles {
-        let time_ns = cycle * 250 * MS;
+        let time_ns = cycle * 250 * NS_PER_MS;
         let ground = GroundSample { sequence: cycle, sample_time_ns: time_ns, ..Zeroable::zeroed() };
         recorder.write(time_ns, &ground).unwrap();
         recorder.write(time_ns, &CycleRecord { cycle, ..Zeroable::zeroed() }).unwrap();
@@ -123,7 +123,7 @@ proptest! {
         let mut recorder = Recorder::create(&path, &header()).unwrap();
         recorder.write(time_ns, &suit).unwrap();
         recorder.write(time_ns + 1, &ground).unwrap();
-        recorder.write(time_ns + 2_000 * MS, &state).unwrap();
+        recorder.write(time_ns + 2_000 * NS_PER_MS, &state).unwrap();
         recorder.write(time_ns + 2, &cycle).unwrap();
         recorder.finish().unwrap();
 
@@ -131,7 +131,7 @@ proptest! {
         prop_assert_eq!(recording.header(), &header());
         let entries: Vec<_> = recording.entries().map(Result::unwrap).collect();
         let times: Vec<_> = entries.iter().map(|entry| entry.log_time_ns - time_ns).collect();
-        prop_assert_eq!(times, [0, 1, 2_000 * MS, 2]);
+        prop_assert_eq!(times, [0, 1, 2_000 * NS_PER_MS, 2]);
         let [Entry::Suit(s), Entry::Ground(g), Entry::State(t), Entry::Cycle(c)] =
             [0, 1, 2, 3].map(|index| entries[index].entry.clone()) else { panic!("{entries:?}") };
         prop_assert_eq!(bytemuck::bytes_of(&*s), bytemuck::bytes_of(&suit));
@@ -184,13 +184,13 @@ fn a_crash_costs_at_most_the_last_second() {
     let path = directory.path().join("a.mcap");
     let mut recorder = Recorder::create(&path, &header()).unwrap();
     for cycle in 0..=3_500 {
-        recorder.write(cycle * MS, &CycleRecord { cycle, ..Zeroable::zeroed() }).unwrap();
+        recorder.write(cycle * NS_PER_MS, &CycleRecord { cycle, ..Zeroable::zeroed() }).unwrap();
     }
     // The recorder still runs, so only its own limits have closed a chunk.
     let recording = Recording::open(&path).unwrap();
     assert!(recording.truncated());
     let last = recording.entries().map(Result::unwrap).last().unwrap();
-    assert!(last.log_time_ns >= 2_500 * MS, "{last:?}");
+    assert!(last.log_time_ns >= 2_500 * NS_PER_MS, "{last:?}");
     assert_eq!(recording.header().config_toml, header().config_toml);
 }
 

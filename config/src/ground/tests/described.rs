@@ -13,7 +13,7 @@ use equipoise_core::message::GroundSample;
 
 use super::*;
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 
 /// Deterministic pseudo-random numbers.
 struct TestRandom(u64);
@@ -89,11 +89,11 @@ fn serial_line(
         }
         stream.extend(bytes);
     }
-    let mut now_ns = 10_000 * MS;
+    let mut now_ns = 10_000 * NS_PER_MS;
     let mut rest = &stream[..];
     while !rest.is_empty() {
         let (piece, left) = rest.split_at((1 + random.next(90) as usize).min(rest.len()));
-        now_ns += if random.next(200) == 0 { 700 * MS } else { 5 * MS };
+        now_ns += if random.next(200) == 0 { 700 * NS_PER_MS } else { 5 * NS_PER_MS };
         pair.receive(piece, now_ns);
         rest = left;
     }
@@ -130,7 +130,7 @@ fn bota_described_is_bota() {
 fn bota_described_reads_a_restarting_sensor_and_the_reference_frame() {
     let vector = "aa00000000c03f000020c000102f44cdcc4cbc96430b3d0000003f15cd5b070000fa410181";
     let mut pair = AdapterPair::new(BOTA, Box::new(Bota::new(BotaSettings { baud: SPEED, sinc: None })));
-    pair.receive(&bytes_of(vector), 1000 * MS);
+    pair.receive(&bytes_of(vector), 1000 * NS_PER_MS);
     let frame = |timestamp_us| BotaFrame {
         status: 0,
         force_n: [0.0; 3],
@@ -139,7 +139,7 @@ fn bota_described_reads_a_restarting_sensor_and_the_reference_frame() {
         temperature_c: 0.0,
     };
     for (index, time) in [1000, 2000, 3000, 3000, 4000, 8000, 100, 1100].into_iter().enumerate() {
-        pair.receive(&frame(time).to_bytes(), 1010 * MS + 10 * MS * index as u64);
+        pair.receive(&frame(time).to_bytes(), 1010 * NS_PER_MS + 10 * NS_PER_MS * index as u64);
     }
     let (samples, _) = pair.agree();
     assert_eq!(samples, 8);
@@ -150,8 +150,8 @@ fn bota_described_reads_a_restarting_sensor_and_the_reference_frame() {
 /// Starts streaming as the built-in driver requires; the described device is assumed to be streaming already.
 fn start(plate: &mut GroundProtocol) {
     let mut now_ns = 0;
-    while now_ns < 5000 * MS {
-        now_ns += 20 * MS;
+    while now_ns < 5000 * NS_PER_MS {
+        now_ns += 20 * NS_PER_MS;
         let answer = match plate.next_action(now_ns) {
             Action::Send(message) if message == [Command::Rate50 as u8] => message,
             Action::Send(message) if message == [Command::Start as u8] => vec![STARTED_ONE],
@@ -211,7 +211,7 @@ fn amti_described_reads_the_reference_frames() {
     .into_iter()
     .enumerate()
     {
-        pair.receive(&bytes_of(vector), 6000 * MS + 20 * MS * index as u64);
+        pair.receive(&bytes_of(vector), 6000 * NS_PER_MS + 20 * NS_PER_MS * index as u64);
     }
     assert_eq!(pair.agree().0, 2);
     assert_eq!(pair.samples[0][1].device_counter >> 31, 1);
@@ -224,9 +224,9 @@ fn rdt_described_is_rdt() {
         let own = Box::new(AtiRdt::new(RdtSettings::default()));
         let (mut pair, mut random) = (AdapterPair::new(RDT, own), TestRandom(seed));
         let (mut sequence, mut measured) = (if seed % 4 == 0 { u32::MAX - 40 } else { 1 }, 5_000_000u32);
-        let mut now_ns = 1000 * MS;
+        let mut now_ns = 1000 * NS_PER_MS;
         for _ in 0..200 {
-            now_ns += if random.next(60) == 0 { 900 * MS } else { 10 * MS };
+            now_ns += if random.next(60) == 0 { 900 * NS_PER_MS } else { 10 * NS_PER_MS };
             // A polled device that is polled again after a silence restarts its counter.
             let actions = pair.protocols.each_mut().map(|protocol| protocol.next_action(now_ns));
             assert_eq!(actions[0], actions[1]);
@@ -293,7 +293,7 @@ fn ten_readings_of_four_cells_in_a_datagram_are_ten_samples() {
     for (place, datagram) in
         [frame(0xffff, 1), frame(0, 1), frame(1, 2), damaged, frame(4, 1)].iter().enumerate()
     {
-        protocol.receive(datagram, 1000 * MS + 10 * MS * place as u64, &mut samples);
+        protocol.receive(datagram, 1000 * NS_PER_MS + 10 * NS_PER_MS * place as u64, &mut samples);
     }
     assert_eq!(samples.len(), 30);
     let counts = protocol.counts();

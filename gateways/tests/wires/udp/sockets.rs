@@ -139,5 +139,5 @@ fn after_a_change_of_the_machines_address_it_sends_again() {
         assert!(begun.elapsed() < Duration::from_secs(90), "{}", tell());
         sleep(Duration::from_millis(20));
     }
-    assert!(tell().lost > 0, "the change was not felt");
+    assert!(tell().lost > 0, "the change was not noticed");
 }

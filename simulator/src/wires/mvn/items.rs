@@ -153,7 +153,7 @@ pub struct Tracker {
     /// Acceleration without gravity, world, m/s².
     pub free_acceleration: [f32; 3],
     /// Measured acceleration (m/s²) and angular velocity (rad/s), sensor's axes; older versions do not send them.
-    pub felt: Option<[[f32; 3]; 2]>,
+    pub measured: Option<[[f32; 3]; 2]>,
     /// Magnetic field, arbitrary units, sensor's axes.
     pub magnetic: [f32; 3],
 }
@@ -167,7 +167,7 @@ pub fn trackers(stamp: &Stamp, trackers: &[Tracker]) -> Result<Vec<u8>, TooLong>
         out.extend_from_slice(&tracker.segment_id.to_be_bytes());
         floats(out, &tracker.orientation_wxyz);
         floats(out, &tracker.free_acceleration);
-        floats(out, tracker.felt.as_ref().map_or(&[], |felt| felt.as_flattened()));
+        floats(out, tracker.measured.as_ref().map_or(&[], |measured| measured.as_flattened()));
         floats(out, &tracker.magnetic);
     })
 }
@@ -203,7 +203,7 @@ mod tests {
             linear_kinematics(&stamp, &[(1, [[0.0; 3]; 3]); 63]),
             angular_kinematics(&stamp, &[(1, [0.0; 4], [[0.0; 3]; 2]); 63]),
             trackers(&stamp, &[Tracker::default(); 17]),
-            trackers(&stamp, &[Tracker { felt: Some([[0.0; 3]; 2]), ..Tracker::default() }; 17]),
+            trackers(&stamp, &[Tracker { measured: Some([[0.0; 3]; 2]), ..Tracker::default() }; 17]),
             centre_of_mass(&stamp, [0.0; 3], None),
             centre_of_mass(&stamp, [0.0; 3], Some([[0.0; 3]; 2])),
         ]

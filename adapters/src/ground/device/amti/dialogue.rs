@@ -11,15 +11,15 @@ use super::Rate;
 use crate::ground::device::Action;
 use crate::wire::amti::{Command, SPEED_FAST, SPEED_SLOW, STARTED_ONE, STARTED_TWO};
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 /// Time from "stop" until the plate is silent, and from a change of speed to the next command, ns.
-const SETTLE_NS: u64 = 100 * MS;
+const SETTLE_NS: u64 = 100 * NS_PER_MS;
 /// Timeout of an answer, ns.
-const ANSWER_NS: u64 = 1000 * MS;
+const ANSWER_NS: u64 = 1000 * NS_PER_MS;
 /// Pause after a failure, ns.
-const PAUSE_NS: u64 = 500 * MS;
+const PAUSE_NS: u64 = 500 * NS_PER_MS;
 /// Pause between checks whether one of two connected plates was removed, ns.
-const TWO_PAUSE_NS: u64 = 5000 * MS;
+const TWO_PAUSE_NS: u64 = 5000 * NS_PER_MS;
 /// Number of consecutive failures that are reported; single failures of the dialogue are normal.
 const FAILURES: u32 = 2;
 /// Maximum number of bytes before an answer: more are a stream, in which an answer cannot be identified.

@@ -3,7 +3,7 @@ use crate::ground::protocol::GroundProtocol;
 use crate::ground::receiver::GroundSettings;
 use crate::wire::amti::{STARTED_ONE, STARTED_TWO};
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 
 fn settings() -> AmtiSettings {
     let mut matrix = [[0.0; CHANNELS]; 6];
@@ -33,7 +33,7 @@ impl Bench {
         let mut bench = Bench {
             device: Amti::new(settings),
             decoded: Decoded::default(),
-            now_ns: 1_000 * MS,
+            now_ns: 1_000 * NS_PER_MS,
             line_baud: SPEED_SLOW,
             plate_baud: SPEED_SLOW,
             received: Vec::new(),
@@ -77,7 +77,7 @@ impl Bench {
 
     fn run(&mut self, ms: u64) {
         for _ in 0..ms / 20 {
-            self.now_ns += 20 * MS;
+            self.now_ns += 20 * NS_PER_MS;
             loop {
                 match self.device.next_action(self.now_ns) {
                     Action::Nothing => break,
@@ -184,11 +184,11 @@ fn noise_costs_what_it_hit_and_is_counted() {
 fn missing_samples_are_found_from_the_gap_in_time() {
     let mut protocol = GroundProtocol::new(Box::new(Amti::new(settings())), GroundSettings::default());
     let mut samples = Vec::new();
-    let mut now_ns = 1_000 * MS;
+    let mut now_ns = 1_000 * NS_PER_MS;
     protocol.opened(now_ns);
     // Executes and answers every request at once.
     for _ in 0..100 {
-        now_ns += 20 * MS;
+        now_ns += 20 * NS_PER_MS;
         if let Action::Send(bytes) = protocol.next_action(now_ns) {
             let answer = if bytes == [0x51] { vec![STARTED_ONE] } else { bytes };
             protocol.receive(&answer, now_ns, &mut samples);
@@ -199,7 +199,7 @@ fn missing_samples_are_found_from_the_gap_in_time() {
     }
     let sound = frame([0; CHANNELS]);
     let mut feed = |protocol: &mut GroundProtocol, bytes: &[u8], after_ms: u64| {
-        now_ns += after_ms * MS;
+        now_ns += after_ms * NS_PER_MS;
         protocol.receive(bytes, now_ns, &mut samples);
         protocol.counts().lost
     };

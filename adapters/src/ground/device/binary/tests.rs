@@ -7,7 +7,7 @@ use crate::wire::frame::{ChecksumField, Endian};
 use equipoise_core::message::GroundSample;
 use proptest::prelude::*;
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 
 /// `5A count:u8 time:u16 ms fz:i24 sum`, big-endian, force in tenths of a newton.
 fn settings() -> BinarySettings {
@@ -55,7 +55,7 @@ fn run(settings: BinarySettings, pieces: &[&[u8]]) -> (Vec<GroundSample>, Ground
     protocol.opened(0);
     let mut samples = Vec::new();
     for (index, piece) in pieces.iter().enumerate() {
-        protocol.receive(piece, 1000 * MS + index as u64 * 10 * MS, &mut samples);
+        protocol.receive(piece, 1000 * NS_PER_MS + index as u64 * 10 * NS_PER_MS, &mut samples);
     }
     (samples, protocol)
 }
@@ -65,7 +65,7 @@ fn refused(protocol: &GroundProtocol, refusal: GroundRefusal) -> u64 {
 }
 
 fn with_time(settings: BinarySettings) -> BinarySettings {
-    let time = Time { place: NumberPosition::new(2, Number::U16, Endian::Big), unit_ns: MS };
+    let time = Time { place: NumberPosition::new(2, Number::U16, Endian::Big), unit_ns: NS_PER_MS };
     BinarySettings { sequence: None, time: Some(time), ..settings }
 }
 
@@ -82,7 +82,7 @@ fn a_damaged_datagram_is_lost_and_takes_its_time_where_nothing_counts() {
         (samples.len(), protocol.counts().lost, refused(&protocol, GroundRefusal::Checksum)),
         (57, 3, 3)
     );
-    assert!(samples.iter().all(|sample| sample.sample_time_ns.abs_diff(sample.arrival_ns) < MS));
+    assert!(samples.iter().all(|sample| sample.sample_time_ns.abs_diff(sample.arrival_ns) < NS_PER_MS));
 }
 
 #[test]
@@ -92,7 +92,8 @@ fn a_coarse_clock_stands_still_between_counted_frames() {
     settings.form.length = Length::Fixed(10);
     settings.form.checksum = settings.form.checksum.map(|summed| ChecksumField { to: 9, at: 9, ..summed });
     settings.fields[0].place = NumberPosition::new(6, Number::I24, Endian::Big);
-    settings.time = Some(Time { place: NumberPosition::new(2, Number::U32, Endian::Big), unit_ns: MS });
+    settings.time =
+        Some(Time { place: NumberPosition::new(2, Number::U32, Endian::Big), unit_ns: NS_PER_MS });
     let mut protocol = GroundProtocol::new(Box::new(Binary::new(settings)), GroundSettings::default());
     protocol.opened(0);
     let mut samples = Vec::new();
@@ -101,12 +102,15 @@ fn a_coarse_clock_stands_still_between_counted_frames() {
         bytes.extend_from_slice(&(index / 2).wrapping_sub(500).to_be_bytes());
         bytes.extend_from_slice(&(-7005i32).to_be_bytes()[1..]);
         bytes.push(bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)));
-        protocol.receive(&bytes, 1000 * MS + u64::from(index) * MS / 2, &mut samples);
+        protocol.receive(&bytes, 1000 * NS_PER_MS + u64::from(index) * NS_PER_MS / 2, &mut samples);
     }
     assert_eq!((samples.len(), protocol.counts().lost), (2000, 0));
     assert!(samples.iter().all(|sample| sample.session == samples[0].session));
     let last = samples[1999];
-    assert!(last.sample_time_ns.abs_diff(last.arrival_ns) < MS && last.sample_time_sigma_ns < MS, "{last:?}");
+    assert!(
+        last.sample_time_ns.abs_diff(last.arrival_ns) < NS_PER_MS && last.sample_time_sigma_ns < NS_PER_MS,
+        "{last:?}"
+    );
 }
 
 #[test]
@@ -134,7 +138,7 @@ fn a_short_time_gives_losses_too_and_a_step_back_is_a_restart() {
         (7, 2, 1)
     );
     assert!(samples.iter().all(|sample| sample.session == 0), "65 536 ms are a wrap and no restart");
-    protocol.receive(&frame(6000), 2000 * MS, &mut samples);
+    protocol.receive(&frame(6000), 2000 * NS_PER_MS, &mut samples);
     assert_eq!(samples.last().map(|sample| sample.session), Some(1));
 }
 
@@ -151,8 +155,8 @@ fn losses_without_a_counter_are_found_from_the_gap_in_time() {
     // After a silence the loss cannot be counted.
     let mut protocol = GroundProtocol::new(Box::new(Binary::new(silent)), GroundSettings::default());
     let mut samples = Vec::new();
-    protocol.receive(&frame(0), 1000 * MS, &mut samples);
-    protocol.receive(&frame(1), 2000 * MS, &mut samples);
+    protocol.receive(&frame(0), 1000 * NS_PER_MS, &mut samples);
+    protocol.receive(&frame(1), 2000 * NS_PER_MS, &mut samples);
     assert_eq!(samples.iter().map(|sample| sample.session).collect::<Vec<_>>(), [0, 1]);
 }
 
@@ -197,13 +201,20 @@ fn a_device_that_is_asked_is_asked_again_when_it_falls_silent() {
     let go = Action::Send(b"go".to_vec());
     protocol.opened(0);
     assert_eq!(
-        (protocol.next_action(0), protocol.next_action(50 * MS), protocol.next_action(100 * MS)),
+        (
+            protocol.next_action(0),
+            protocol.next_action(50 * NS_PER_MS),
+            protocol.next_action(100 * NS_PER_MS)
+        ),
         (go.clone(), Action::Nothing, go.clone())
     );
-    protocol.receive(&frame(200), 110 * MS, &mut Vec::new());
-    assert_eq!((protocol.next_action(600 * MS), protocol.next_action(611 * MS)), (Action::Nothing, go));
+    protocol.receive(&frame(200), 110 * NS_PER_MS, &mut Vec::new());
+    assert_eq!(
+        (protocol.next_action(600 * NS_PER_MS), protocol.next_action(611 * NS_PER_MS)),
+        (Action::Nothing, go)
+    );
     // The sequence restarts from zero; this is not a loss.
-    protocol.receive(&frame(0), 700 * MS, &mut Vec::new());
+    protocol.receive(&frame(0), 700 * NS_PER_MS, &mut Vec::new());
     assert_eq!((protocol.counts().lost, protocol.counts().published), (0, 2));
     assert_eq!(protocol.close_command(), Some(b"halt".to_vec()));
 }
@@ -212,7 +223,7 @@ fn a_device_that_is_asked_is_asked_again_when_it_falls_silent() {
 fn bytes_without_any_frame_are_reported_in_words() {
     let (_, mut protocol) = run(settings(), &[&[7; 600]]);
     assert!(protocol.diagnostic().is_some_and(|said| said.contains("none of the last 593 make a frame")));
-    protocol.receive(&frame(1), 5000 * MS, &mut Vec::new());
+    protocol.receive(&frame(1), 5000 * NS_PER_MS, &mut Vec::new());
     assert_eq!(protocol.diagnostic(), None);
 }
 

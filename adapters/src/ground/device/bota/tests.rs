@@ -107,8 +107,8 @@ fn a_sensor_that_ran_for_long_and_was_switched_off_and_on_lost_nothing_anybody_c
     let start = 3_000_000_000 / PERIOD_US;
     for (place, index) in [start, start + 1, start + 2, start + 3, start + 4, 0, 1, 2].into_iter().enumerate()
     {
-        let off_ns = if index < start { 5000 * MS } else { 0 };
-        protocol.receive(&at(index), 1000 * MS + off_ns + place as u64 * 10 * MS, &mut samples);
+        let off_ns = if index < start { 5000 * NS_PER_MS } else { 0 };
+        protocol.receive(&at(index), 1000 * NS_PER_MS + off_ns + place as u64 * 10 * NS_PER_MS, &mut samples);
     }
     let sessions: Vec<u32> = samples.iter().map(|sample| sample.session).collect();
     assert_eq!(sessions, [0, 0, 0, 0, 0, 1, 1, 1]);
@@ -130,17 +130,17 @@ fn a_clock_that_stands_is_named_and_dates_nothing() {
 fn silence_and_a_wrong_speed_are_named_and_end_by_themselves() {
     let mut protocol = protocol(listening());
     let mut samples = Vec::new();
-    assert_eq!(protocol.next_action(1000 * MS), Action::Nothing);
+    assert_eq!(protocol.next_action(1000 * NS_PER_MS), Action::Nothing);
     assert_eq!(protocol.diagnostic(), None);
-    protocol.next_action(2100 * MS);
+    protocol.next_action(2100 * NS_PER_MS);
     assert!(protocol.diagnostic().unwrap().contains("nothing comes from the Bota sensor"));
-    protocol.receive(&[0x5A; 800], 2200 * MS, &mut samples);
+    protocol.receive(&[0x5A; 800], 2200 * NS_PER_MS, &mut samples);
     let said = protocol.diagnostic().unwrap();
     assert!(
         said.contains("none of the last 740 make a frame of a Bota sensor") && said.contains("460800"),
         "{said}"
     );
-    protocol.receive(&at(1), 2300 * MS, &mut samples);
+    protocol.receive(&at(1), 2300 * NS_PER_MS, &mut samples);
     assert_eq!((protocol.diagnostic(), samples.len()), (None, 1));
 }
 
@@ -150,21 +150,21 @@ fn a_sensor_is_set_up_among_its_frames_and_asked_again_from_the_start() {
     let mut samples = Vec::new();
     let say = |said: &str| Action::Send(said.as_bytes().to_vec());
     assert_eq!(protocol.next_action(0), say("C"));
-    assert_eq!(protocol.next_action(10 * MS), Action::Nothing);
-    protocol.receive(&at(1), 20 * MS, &mut samples);
-    protocol.receive(b"r,0,", 30 * MS, &mut samples);
-    protocol.receive(b"C,0", 30 * MS, &mut samples);
-    assert_eq!(protocol.next_action(40 * MS), say("c,0,1,0,4"));
+    assert_eq!(protocol.next_action(10 * NS_PER_MS), Action::Nothing);
+    protocol.receive(&at(1), 20 * NS_PER_MS, &mut samples);
+    protocol.receive(b"r,0,", 30 * NS_PER_MS, &mut samples);
+    protocol.receive(b"C,0", 30 * NS_PER_MS, &mut samples);
+    assert_eq!(protocol.next_action(40 * NS_PER_MS), say("c,0,1,0,4"));
     // Without an answer, the set-up restarts.
-    assert_eq!(protocol.next_action(1100 * MS), say("C"));
+    assert_eq!(protocol.next_action(1100 * NS_PER_MS), say("C"));
     for (answer, next) in [("r,0,C,0", "c,0,1,0,4"), ("r,0,c,0", "f,256,0,0,1"), ("r,0,f,0", "R")] {
-        protocol.receive(answer.as_bytes(), 1200 * MS, &mut samples);
-        assert_eq!(protocol.next_action(1300 * MS), say(next));
+        protocol.receive(answer.as_bytes(), 1200 * NS_PER_MS, &mut samples);
+        assert_eq!(protocol.next_action(1300 * NS_PER_MS), say(next));
     }
     assert!(samples.is_empty(), "frames of the old filter are not used");
-    protocol.receive(&[b"r,0,R,0".as_slice(), &at(5)].concat(), 1400 * MS, &mut samples);
+    protocol.receive(&[b"r,0,R,0".as_slice(), &at(5)].concat(), 1400 * NS_PER_MS, &mut samples);
     assert_eq!(
-        (samples.len(), protocol.next_action(1500 * MS), protocol.diagnostic()),
+        (samples.len(), protocol.next_action(1500 * NS_PER_MS), protocol.diagnostic()),
         (1, Action::Nothing, None)
     );
 }
@@ -173,7 +173,7 @@ fn a_sensor_is_set_up_among_its_frames_and_asked_again_from_the_start() {
 fn a_sensor_that_does_not_answer_is_named() {
     let mut protocol = protocol(Bota::new(BotaSettings { baud: 115_200, sinc: Some(512) }));
     for second in 0..3 {
-        assert!(matches!(protocol.next_action(second * 1100 * MS), Action::Send(_)));
+        assert!(matches!(protocol.next_action(second * 1100 * NS_PER_MS), Action::Send(_)));
     }
     let said = protocol.diagnostic().unwrap();
     assert!(

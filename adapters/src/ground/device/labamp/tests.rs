@@ -3,7 +3,7 @@ use crate::ground::frame::Wrench;
 use crate::ground::reading::Load;
 use crate::ground::{GroundProtocol, GroundSettings};
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 const T0_NS: u64 = 1_700_000_000_000_000_000;
 
 fn metadata(rate_hz: u32, units: &[&str]) -> Vec<u8> {
@@ -77,20 +77,20 @@ fn scans_become_means_with_the_time_of_their_middle() {
     let frame = |index: u32| {
         let first = index * 3;
         let numbers: Vec<f32> = (first..first + 3).flat_map(|scan| [0.5, scan as f32]).collect();
-        data(index, T0_NS + u64::from(first) * MS, &numbers)
+        data(index, T0_NS + u64::from(first) * NS_PER_MS, &numbers)
     };
     let bytes = [opening(1000, &["Nm", "kN"]), frame(0), frame(1), frame(2), frame(3)].concat();
     for piece in bytes.chunks(7) {
-        amp.take(piece, MS, &mut decoded);
+        amp.take(piece, NS_PER_MS, &mut decoded);
     }
     assert_eq!(vertical(&decoded), [(1_500_000, 1500.0), (5_500_000, 5500.0), (9_500_000, 9500.0)]);
     let Load::Part { wrench: Wrench { moment_nm, .. }, .. } = decoded.readings().next().unwrap().load else {
         panic!()
     };
     assert_eq!(moment_nm, [0.5, 0.5, 0.0]);
-    assert_eq!(decoded.block_latency_ns, Some(3 * MS));
+    assert_eq!(decoded.block_latency_ns, Some(3 * NS_PER_MS));
     assert_eq!(
-        (decoded.refusals().count(), amp.diagnostic(), amp.next_action(2 * MS)),
+        (decoded.refusals().count(), amp.diagnostic(), amp.next_action(2 * NS_PER_MS)),
         (0, None, Action::Nothing)
     );
 }
@@ -136,7 +136,7 @@ fn channels_that_are_not_there_or_in_no_unit_of_theirs_are_said_and_asked_for_ag
         let mut amp = direct(["Sensor-2", "Sensor-1"], None);
         let mut decoded = Decoded::default();
         amp.take(&[opening(1000, units), data(0, T0_NS, &[1.0, 2.0])].concat(), 0, &mut decoded);
-        let Action::Reopen(why) = amp.next_action(MS) else { panic!() };
+        let Action::Reopen(why) = amp.next_action(NS_PER_MS) else { panic!() };
         assert!(why.contains(said), "{why}");
         assert_eq!((amp.diagnostic(), decoded.readings().count()), (Some(why), 0));
         assert_eq!(decoded.refusals().collect::<Vec<_>>(), [GroundRefusal::UnknownKind]);
@@ -149,9 +149,9 @@ fn channels_that_are_not_there_or_in_no_unit_of_theirs_are_said_and_asked_for_ag
     let mut decoded = Decoded::default();
     amp.take(&good, 0, &mut decoded);
     assert!(amp.diagnostic().is_some() && decoded.readings().count() == 0);
-    assert!(matches!(amp.next_action(MS), Action::Reopen(_)));
-    amp.opened(MS);
-    amp.take(&good, MS, &mut decoded);
+    assert!(matches!(amp.next_action(NS_PER_MS), Action::Reopen(_)));
+    amp.opened(NS_PER_MS);
+    amp.take(&good, NS_PER_MS, &mut decoded);
     assert_eq!((amp.diagnostic(), decoded.refusals().count()), (None, 1));
 }
 
@@ -161,7 +161,7 @@ fn events_are_counted_or_end_the_stream() {
         GroundProtocol::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(1))), GroundSettings::default());
     let mut samples = Vec::new();
     protocol.opened(0);
-    let frame = |sequence, ms: u64| data(sequence, T0_NS + ms * MS, &[0.0, 1.0, 0.0, 1.0]);
+    let frame = |sequence, ms: u64| data(sequence, T0_NS + ms * NS_PER_MS, &[0.0, 1.0, 0.0, 1.0]);
     protocol.receive(
         &[opening(1000, &["Nm", "N"]), frame(0, 0), event(1, 1), frame(2, 2)].concat(),
         0,
@@ -184,7 +184,7 @@ fn events_are_counted_or_end_the_stream() {
         assert!(matches!(protocol.next_action(0), Action::Reopen(_)), "{code}");
     }
     assert_eq!(protocol.next_action(0), Action::Nothing);
-    assert!(matches!(protocol.next_action(4000 * MS), Action::Reopen(why) if why.contains("silent")));
+    assert!(matches!(protocol.next_action(4000 * NS_PER_MS), Action::Reopen(why) if why.contains("silent")));
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn what_the_buffer_of_the_device_lost_is_lost_though_no_frame_is_missing() {
         GroundProtocol::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(2))), GroundSettings::default());
     let mut samples = Vec::new();
     protocol.opened(0);
-    let frame = |sequence, ms: u64| data(sequence, T0_NS + ms * MS, &[0.0, 1.0].repeat(4));
+    let frame = |sequence, ms: u64| data(sequence, T0_NS + ms * NS_PER_MS, &[0.0, 1.0].repeat(4));
     let sent = [opening(1000, &["Nm", "N"]), frame(0, 0), event(1, 1), frame(2, 54), frame(3, 58)];
     protocol.receive(&sent.concat(), 0, &mut samples);
     assert_eq!(
@@ -266,8 +266,8 @@ proptest::proptest! {
             amp.take(&opening(1000, &["Nm", "N"]), 0, &mut decoded);
         }
         for piece in &pieces {
-            amp.take(piece, MS, &mut decoded);
-            amp.next_action(MS);
+            amp.take(piece, NS_PER_MS, &mut decoded);
+            amp.next_action(NS_PER_MS);
         }
         proptest::prop_assert_eq!(decoded.readings().count(), 0);
     }

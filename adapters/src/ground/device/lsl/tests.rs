@@ -3,7 +3,7 @@ use crate::ground::frame::Wrench;
 use crate::ground::reading::Load;
 use crate::ground::{GroundProtocol, GroundSettings};
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 
 fn opening(rate_hz: u32, units: [&str; 2]) -> Vec<u8> {
     let [force, moment] = units;
@@ -53,7 +53,7 @@ fn times_at_the_end_of_their_range_and_rates_that_are_none_are_borne() {
         let opening =
             String::from_utf8_lossy(&opening(1000, ["kN", "Nmm"])).replace(">1000<", &format!(">{rate}<"));
         let mut lsl = stream([None; 2]);
-        lsl.take(opening.as_bytes(), MS, &mut Decoded::default());
+        lsl.take(opening.as_bytes(), NS_PER_MS, &mut Decoded::default());
         assert!(
             lsl.diagnostic().is_some_and(|said| said.contains("which none has")),
             "{rate}: {:?}",
@@ -71,18 +71,18 @@ fn samples_come_with_the_senders_time_and_in_si_units() {
     let bytes = [opening(1000, ["kN", "Nmm"]), sent.concat()].concat();
     let mut requests = Vec::new();
     for piece in bytes.chunks(11) {
-        lsl.take(piece, MS, &mut decoded);
-        if let Action::Send(request) = lsl.next_action(MS) {
+        lsl.take(piece, NS_PER_MS, &mut decoded);
+        if let Action::Send(request) = lsl.next_action(NS_PER_MS) {
             requests.push(String::from_utf8(request).unwrap());
         }
     }
     let want = [(5_000_000_000, 700.0, 0.01), (5_001_000_000, 800.0, 0.02), (5_002_000_000, 900.0, 0.03)];
     assert_eq!(found(&decoded), want);
     assert!(requests.len() == 1 && requests[0].starts_with("LSL:streamfeed/110 u-1\r\n"), "{requests:?}");
-    assert_eq!((lsl.diagnostic(), lsl.next_action(2 * MS)), (None, Action::Nothing));
-    assert_eq!(lsl.next_action(4000 * MS), Action::Nothing);
+    assert_eq!((lsl.diagnostic(), lsl.next_action(2 * NS_PER_MS)), (None, Action::Nothing));
+    assert_eq!(lsl.next_action(4000 * NS_PER_MS), Action::Nothing);
     assert!(lsl.diagnostic().unwrap().contains("sends nothing"));
-    lsl.take(&sample(None, 0.0, 0.0), 4001 * MS, &mut decoded);
+    lsl.take(&sample(None, 0.0, 0.0), 4001 * NS_PER_MS, &mut decoded);
     assert_eq!(lsl.diagnostic(), None);
 }
 
@@ -92,15 +92,15 @@ fn stamps_that_overlap_stay_in_order_and_a_clock_that_was_set_is_another_session
     let mut samples = Vec::new();
     let stamps = [Some(5.0), None, None, Some(5.001), Some(5.003), Some(0.5), None];
     let sent: Vec<u8> = stamps.iter().flat_map(|stamp| sample(*stamp, 0.0, 1.0)).collect();
-    protocol.receive(&[opening(1000, ["N", "Nm"]), sent].concat(), MS, &mut samples);
+    protocol.receive(&[opening(1000, ["N", "Nm"]), sent].concat(), NS_PER_MS, &mut samples);
     let sessions: Vec<u32> = samples.iter().map(|sample| sample.session).collect();
     assert_eq!(sessions, [0, 0, 0, 0, 0, 1, 1]);
     // Invalid times are refused.
     for stamp in [f64::NAN, -1.0, f64::INFINITY, 0.0] {
-        protocol.receive(&sample(Some(stamp), 0.0, 1.0), MS, &mut samples);
+        protocol.receive(&sample(Some(stamp), 0.0, 1.0), NS_PER_MS, &mut samples);
     }
     assert_eq!((samples.len(), protocol.counts().refused[GroundRefusal::Number.index()]), (7, 4));
-    protocol.receive(&sample(None, 0.0, f64::NAN), MS, &mut samples);
+    protocol.receive(&sample(None, 0.0, f64::NAN), NS_PER_MS, &mut samples);
     assert_eq!((samples.len(), protocol.counts().refused[GroundRefusal::NotFinite.index()]), (7, 1));
 }
 
@@ -137,8 +137,12 @@ fn a_broken_feed_is_opened_again() {
     lsl.take(&[opening(1000, ["N", "Nm"]), vec![7]].concat(), 0, &mut decoded);
     assert_eq!(decoded.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage]);
     assert!(matches!(lsl.next_action(0), Action::Reopen(why) if why.contains("0x07")));
-    lsl.opened(MS);
-    lsl.take(&[opening(1000, ["N", "Nm"]), sample(Some(1.0), 0.0, 1.0)].concat(), 2 * MS, &mut decoded);
+    lsl.opened(NS_PER_MS);
+    lsl.take(
+        &[opening(1000, ["N", "Nm"]), sample(Some(1.0), 0.0, 1.0)].concat(),
+        2 * NS_PER_MS,
+        &mut decoded,
+    );
     assert_eq!((found(&decoded).len(), lsl.diagnostic()), (1, None));
 }
 
@@ -153,8 +157,8 @@ proptest::proptest! {
             protocol.receive(&opening(0, ["N", "Nm"]), 0, &mut samples);
         }
         for piece in &pieces {
-            protocol.receive(piece, MS, &mut samples);
-            protocol.next_action(MS);
+            protocol.receive(piece, NS_PER_MS, &mut samples);
+            protocol.next_action(NS_PER_MS);
         }
         proptest::prop_assert!(samples.iter().all(|sample| sample.force_n[2].is_finite()));
     }

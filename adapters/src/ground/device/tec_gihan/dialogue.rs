@@ -5,18 +5,18 @@ use crate::ground::reading::Decoded;
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::tec_gihan::{Answer, BAUD, FullScales, Line, PLATES_MAX, State};
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 /// Time after a stop in which blocks under way still arrive.
-const SETTLE_NS: u64 = 500 * MS;
+const SETTLE_NS: u64 = 500 * NS_PER_MS;
 /// Time in which the plates apply a new range; earlier requests overrun.
-const RANGE_NS: u64 = 100 * MS;
+const RANGE_NS: u64 = 100 * NS_PER_MS;
 /// Timeout of an answer, …
-const ANSWER_NS: u64 = 1000 * MS;
+const ANSWER_NS: u64 = 1000 * NS_PER_MS;
 /// … and count of attempts of a command.
 const TRIES: u32 = 3;
 /// Waking takes up to 20 s.
-const WAKE_NS: u64 = 20_000 * MS;
-const WAKE_STEP_NS: u64 = 200 * MS;
+const WAKE_NS: u64 = 20_000 * NS_PER_MS;
+const WAKE_STEP_NS: u64 = 200 * NS_PER_MS;
 /// Longest answer; a longer line comes from another device or at another speed.
 const LINE_MAX: usize = 512;
 

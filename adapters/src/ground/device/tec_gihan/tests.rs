@@ -1,7 +1,7 @@
 use super::*;
 use crate::ground::{GroundProtocol, GroundSettings, Measures, SensorAxes};
 
-const MS: u64 = 1_000_000;
+const NS_PER_MS: u64 = 1_000_000;
 
 /// Simulated controller with two plates of serial numbers 106 and 107, written from the protocol document.
 #[derive(Default)]
@@ -74,7 +74,7 @@ fn talk(
 ) -> Vec<f64> {
     let (mut samples, mut under_way) = (Vec::new(), Vec::new());
     for ms in ms {
-        while let Action::Send(bytes) = protocol.next_action(ms * MS) {
+        while let Action::Send(bytes) = protocol.next_action(ms * NS_PER_MS) {
             let mut answer = controller.receive(&bytes);
             harm(controller.blocks, &mut answer);
             // A block takes its duration before it is sent.
@@ -82,7 +82,7 @@ fn talk(
         }
         for (_, answer) in under_way.extract_if(.., |(due_ms, _)| *due_ms <= ms) {
             for piece in answer.chunks(1000) {
-                protocol.receive(piece, ms * MS, &mut samples);
+                protocol.receive(piece, ms * NS_PER_MS, &mut samples);
             }
         }
     }
@@ -122,7 +122,7 @@ fn the_dialogue_is_the_makers_and_each_block_is_asked_for() {
     }
     assert_eq!(
         (protocol.block_latency_ns(), protocol.counts().lost, protocol.diagnostic()),
-        (100 * MS, 0, None)
+        (100 * NS_PER_MS, 0, None)
     );
     assert_eq!(protocol.close_command(), Some(b"STOP\n".to_vec()));
 }
@@ -169,7 +169,7 @@ fn silence_and_wrong_answers_are_said() {
     let mut device = plate();
     let (mut now, mut asked) = (0, 0);
     let why = loop {
-        now += 10 * MS;
+        now += 10 * NS_PER_MS;
         match device.next_action(now) {
             Action::Reopen(why) => break why,
             Action::Send(bytes) => {
@@ -186,7 +186,7 @@ fn silence_and_wrong_answers_are_said() {
     let mut decoded = Decoded::default();
     let mut device = plate();
     while !matches!(device.next_action(now), Action::Send(bytes) if bytes == b"STATE\n") {
-        now += 10 * MS;
+        now += 10 * NS_PER_MS;
     }
     device.take(&[b'a'; 10_000], now, &mut decoded);
     device.take(b"\nERR_2\n", now, &mut decoded);
@@ -200,9 +200,9 @@ fn a_surface_the_plate_knows_better_is_said() {
     let mut device = TecGihan::new(TecGihanSettings { surface_height_m: 0.0, ..plate().settings });
     let mut controller = Controller::default();
     for ms in 0..1000 {
-        while let Action::Send(bytes) = device.next_action(ms * MS) {
+        while let Action::Send(bytes) = device.next_action(ms * NS_PER_MS) {
             let answer = controller.receive(&bytes);
-            device.take(&answer, ms * MS, &mut Decoded::default());
+            device.take(&answer, ms * NS_PER_MS, &mut Decoded::default());
             if device.diagnostic().is_some() {
                 break;
             }
@@ -218,7 +218,7 @@ proptest::proptest! {
         let mut protocol = protocol();
         let mut samples = Vec::new();
         for (index, piece) in pieces.iter().enumerate() {
-            let now = index as u64 * 100 * MS;
+            let now = index as u64 * 100 * NS_PER_MS;
             for _ in 0..8 {
                 if protocol.next_action(now) == Action::Nothing { break; }
             }

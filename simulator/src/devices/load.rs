@@ -11,7 +11,7 @@ use crate::two_plates::ground_reaction_per_foot;
 
 /// Inputs of a device at one sample.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Felt {
+pub struct LoadSample {
     /// Simulated time, s.
     pub time_s: f64,
     /// The device's number of the sample.
@@ -21,12 +21,12 @@ pub struct Felt {
     /// Wrench on each plate's sensor, in its axes, about its origin.
     pub plates: Vec<Wrench>,
     /// Load of the left and right sole.
-    pub soles: [SoleLoad; 2],
+    pub soles: [InsoleLoad; 2],
 }
 
 /// Load of one sole.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct SoleLoad {
+pub struct InsoleLoad {
     /// Force along the sole's normal, N.
     pub normal_n: f64,
     /// Point of action from the middle of the sole: X to the tip, Y to the left, m.
@@ -49,11 +49,11 @@ pub struct Mounting {
 impl Mounting {
     /// Output of the sensor for a wrench `on_person` of the ground on the person, about the origin on the floor.
     pub fn measures(&self, on_person: &Wrench) -> Wrench {
-        let felt = self.plate.felt(&self.plate.in_the_station(on_person));
+        let wrench = self.plate.sensor_wrench(&self.plate.in_the_station(on_person));
         let sign = if self.reaction { -1.0 } else { 1.0 };
         let half_a_turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), core::f64::consts::PI);
         let turn = if self.z_down { half_a_turn } else { UnitQuaternion::identity() };
-        Wrench { force_n: turn * felt.force_n * sign, moment_nm: turn * felt.moment_nm * sign }
+        Wrench { force_n: turn * wrench.force_n * sign, moment_nm: turn * wrench.moment_nm * sign }
     }
 
     /// The matching section of a configuration for a device of this kind, with the keys of its connection
@@ -85,7 +85,7 @@ pub struct OnFeet {
     /// On the person, about the origin of the floor: left, right.
     pub wrench: [Wrench; 2],
     /// On the soles: left, right.
-    pub soles: [SoleLoad; 2],
+    pub soles: [InsoleLoad; 2],
 }
 
 impl OnFeet {
@@ -93,7 +93,7 @@ impl OnFeet {
     pub fn of(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> OnFeet {
         let wrench = ground_reaction_per_foot(worker, time_s, press_m);
         let body = worker.sample(time_s);
-        let soles = core::array::from_fn(|k| sole_load(worker.person(), &body, Side::BOTH[k], &wrench[k]));
+        let soles = core::array::from_fn(|k| insole_load(worker.person(), &body, Side::BOTH[k], &wrench[k]));
         OnFeet { wrench, soles }
     }
 
@@ -115,7 +115,7 @@ impl OnFeet {
 }
 
 /// Load of a sole by a wrench on its foot: force along the sole's normal, and its point of action.
-fn sole_load(person: &Person, body: &BodyState, side: Side, on_foot: &Wrench) -> SoleLoad {
+fn insole_load(person: &Person, body: &BodyState, side: Side, on_foot: &Wrench) -> InsoleLoad {
     let (index, extent) = (side.foot().index(), person.foot_outline_m);
     let world_from_foot = body.world_from_segment[index];
     let middle = Vector3::new(0.5 * (extent.forward - extent.back), 0.0, -person.ankle_height_m);
@@ -124,10 +124,10 @@ fn sole_load(person: &Person, body: &BodyState, side: Side, on_foot: &Wrench) ->
     let moment_nm = world_from_foot.inverse() * (on_foot.moment_nm - middle.cross(&on_foot.force_n));
     let size_m = [extent.back + extent.forward, 2.0 * extent.half_width];
     if force_n.z < 1.0 {
-        return SoleLoad { size_m, ..SoleLoad::default() };
+        return InsoleLoad { size_m, ..InsoleLoad::default() };
     }
     let cop_m = Vector2::new(-moment_nm.y, moment_nm.x) / force_n.z;
-    SoleLoad { normal_n: force_n.z, cop_m, size_m }
+    InsoleLoad { normal_n: force_n.z, cop_m, size_m }
 }
 
 #[cfg(test)]
