@@ -184,9 +184,7 @@ fn loading_another_subject_leaves_the_first_profile_unchanged() {
     monitor.until_poses(&person, 1);
     station.run(&["identify", "stop"]).assert_done();
     // All poses used until then must be in the file before the comparisons below.
-    let poses = monitor
-        .until("the end of the identification", |monitor| monitor.state.phase_name() == "monitoring")
-        .poses_used;
+    let poses = monitor.until("monitoring", |monitor| monitor.state.phase_name() == "monitoring").poses_used;
     let saved = |subject: &str| std::fs::read_to_string(station.profile(subject)).unwrap_or_default();
     let whole = ["identified = true\n", "learning = false\n", &format!("poses_used = {poses}\n")];
     wait_for("the first one's profile", || {
