@@ -69,10 +69,9 @@ pub struct Fusion {
     /// Samples of the first device, and the end of the wait of each.
     waiting: VecDeque<(GroundSample, u64)>,
     partners: Partners,
-    /// Session and clock epoch of the second device's sample used last: those of both are summed, whether or not the
-    /// second device contributes.
+    /// Session of the second device's sample used last: the sessions of both are summed, whether or not the second
+    /// device contributes.
     second_session: u32,
-    second_epoch: u32,
     counts: Counts,
 }
 
@@ -80,7 +79,7 @@ impl Fusion {
     /// Creates a fusion without samples.
     pub fn new(settings: FusionSettings) -> Fusion {
         let (waiting, partners) = (VecDeque::new(), Partners::default());
-        Fusion { settings, waiting, partners, second_session: 0, second_epoch: 0, counts: Counts::default() }
+        Fusion { settings, waiting, partners, second_session: 0, counts: Counts::default() }
     }
 
     /// Adds a sample of the first device (0) or of the second.
@@ -110,11 +109,11 @@ impl Fusion {
             let whole = match partner {
                 // A fault of the insoles does not invalidate the plate.
                 PartnerLookup::Partner(second) if self.is_plate_alone(&second) => {
-                    self.note_second(&second);
+                    self.second_session = second.session;
                     self.without_partner(&first)
                 }
                 PartnerLookup::Partner(second) => {
-                    self.note_second(&second);
+                    self.second_session = second.session;
                     Some(self.together(&first, &second))
                 }
                 PartnerLookup::NotYet | PartnerLookup::Nothing => self.without_partner(&first),
@@ -149,20 +148,8 @@ impl Fusion {
     /// The sample of a plate without insoles; `None` with two plates.
     fn without_partner(&mut self, first: &GroundSample) -> Option<GroundSample> {
         self.counts.refuse(GroundRefusal::NoPartner.index());
-        (self.settings.kind == FusionKind::PlateAndInsoles).then_some(self.with_sums(first))
-    }
-
-    fn note_second(&mut self, second: &GroundSample) {
-        (self.second_session, self.second_epoch) = (second.session, second.clock_epoch);
-    }
-
-    /// The first device's sample with the sums of both sessions and clock epochs.
-    fn with_sums(&self, first: &GroundSample) -> GroundSample {
-        GroundSample {
-            session: first.session.wrapping_add(self.second_session),
-            clock_epoch: first.clock_epoch.wrapping_add(self.second_epoch),
-            ..*first
-        }
+        let session = first.session.wrapping_add(self.second_session);
+        (self.settings.kind == FusionKind::PlateAndInsoles).then_some(GroundSample { session, ..*first })
     }
 
     fn together(&self, first: &GroundSample, second: &GroundSample) -> GroundSample {
@@ -170,8 +157,9 @@ impl Fusion {
             sample_time_sigma_ns: joint_sigma_ns(first.sample_time_sigma_ns, second.sample_time_sigma_ns),
             arrival_ns: first.arrival_ns.max(second.arrival_ns),
             device_status: first.device_status | second.device_status,
+            session: first.session.wrapping_add(second.session),
             devices: first.devices | second.devices,
-            ..self.with_sums(first)
+            ..*first
         };
         match self.settings.kind {
             FusionKind::TwoPlates { left } => sum(both, [first, second], left),
@@ -185,6 +173,7 @@ fn sum(both: GroundSample, parts: [&GroundSample; 2], left: Option<usize>) -> Gr
     let [first, second] = parts;
     let added = |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] + b[axis]);
     let whole = GroundSample {
+        clock_epoch: first.clock_epoch.wrapping_add(second.clock_epoch),
         force_n: added(first.force_n, second.force_n),
         moment_nm: added(first.moment_nm, second.moment_nm),
         // A component that one of them does not measure is unavailable in the sum.

@@ -101,7 +101,9 @@ impl GroundReceiver {
                 None => (sample.arrival_ns, u64::MAX),
             };
             sample.sample_time_ns = sample.sample_time_ns.saturating_sub(self.settings.latency_ns);
-            sample.clock_epoch = self.clock.epoch();
+            // Readings that are lost without a number appear as delay.
+            let is_counted = !matches!(self.newest, Some((Tick::Uncounted, _)));
+            sample.clock_epoch = if is_counted { self.clock.epoch() } else { 0 };
         }
     }
 

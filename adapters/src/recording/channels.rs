@@ -149,7 +149,12 @@ impl Channels {
 }
 
 /// Type name and hash of earlier schemas that differ in field names only: their messages are read as the present type.
-const RENAMED_FIELDS: [(&str, &str); 1] = [("equipoise/State/5", "e041a28860c29831")];
+const RENAMED_FIELDS: [(&str, &str); 3] = [
+    ("equipoise/State/5", "e041a28860c29831"),
+    // `reserved`, always zero, became `clock_epoch`.
+    ("equipoise/Suit/1", "76d8648fb222b493"),
+    ("equipoise/Ground/3", "cbd959d3fdd1fbea"),
+];
 
 /// Compares type name and schema hash; if a tool removed the metadata, name and text of the schema instead.
 fn check(table: &'static TopicTable, channel: &Channel, schema: Option<&Schema>) -> Result<(), ReadError> {

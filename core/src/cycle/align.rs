@@ -26,8 +26,6 @@ pub(super) struct AlignState {
     pub(super) plausibility: Plausibility,
     /// Skew between the streams, and the lag used to correct it.
     pub(super) skew: SkewMonitor,
-    /// Clock epoch + 1 of the newest samples of suit and ground; 0 before the first.
-    epochs: [u64; 2],
     /// Readings of the empty plate.
     pub(super) tare: Tare,
 }
@@ -67,7 +65,7 @@ pub(super) fn ingest(
     tick: Tick,
     samples: &Samples<'_>,
 ) -> (Streams, LagChange) {
-    let AlignState { alignment, plausibility, skew, epochs: [suit_epoch, ground_epoch], tare } = state;
+    let AlignState { alignment, plausibility, skew, tare } = state;
     let mut ground_gap_ns = 0;
     for sample in samples.ground {
         // Subtract the tare first: it may contain components that this device does not measure.
@@ -76,9 +74,10 @@ pub(super) fn ingest(
             if let Some(newest) = alignment.newest_ground() {
                 ground_gap_ns =
                     ground_gap_ns.max(sample.sample_time_ns.saturating_sub(newest.sample_time_ns));
-            }
-            if has_changed(ground_epoch, sample.clock_epoch) {
-                skew.restart();
+                skew.compare_epochs(
+                    newest.sequence..=sample.sequence,
+                    [newest, &sample].map(|sample| sample.clock_epoch),
+                );
             }
             if plausibility.check_ground(&sample, alignment.newest_ground()) {
                 skew.ingest_ground(&sample);
@@ -94,8 +93,11 @@ pub(super) fn ingest(
         if !alignment.admits_suit(&sample, tick.due_ns) {
             continue;
         }
-        if has_changed(suit_epoch, sample.clock_epoch) {
-            skew.restart();
+        if let Some(newest) = alignment.newest_suit() {
+            skew.compare_epochs(
+                newest.sequence..=sample.sequence,
+                [newest, &sample].map(|sample| sample.clock_epoch),
+            );
         }
         let bones = Bones::of(subject, settings);
         if !plausibility.check_suit(&sample, alignment.newest_suit(), &bones) {
@@ -123,12 +125,6 @@ pub(super) fn ingest(
         moved_ns: plausibility.moved_ns,
     };
     (streams, lag_change)
-}
-
-/// Stores a stream's clock epoch; returns whether it differs from the previous one.
-fn has_changed(stored: &mut u64, epoch: u32) -> bool {
-    let before = core::mem::replace(stored, u64::from(epoch) + 1);
-    before > 0 && before != *stored
 }
 
 /// The next suit sample whose wrench is available, or that has waited long enough.

@@ -9,7 +9,7 @@ const _: () = assert!(size_of::<Memory>() == 8 * WORDS, "the memory is whole wor
 
 message! {
     /// A copy of the loop's memory after one cycle. Opaque: only the version that wrote it reads it.
-    as "equipoise/Checkpoint/1", 1029048 bytes,
+    as "equipoise/Checkpoint/1", 1029040 bytes,
     pub struct Checkpoint {
         /// The cycle after which it was taken.
         pub cycle: u64,

@@ -32,6 +32,8 @@ pub struct SkewMonitor {
     estimator: SkewEstimator,
     /// 1 from a change of a stream's clock epoch until the lag is measured again; 0 if it never was.
     is_unknown: u64,
+    /// 1 once a lag was measured or restored.
+    was_measured: u64,
     /// Target of the lag and the lag in use, s: positive if the suit is late.
     target_s: f64,
     applied_s: f64,
@@ -65,7 +67,9 @@ impl SkewMonitor {
             return false;
         }
         let tracked = self.estimator.at(time_ns);
-        self.is_unknown &= u64::from(!tracked.as_ref().is_some_and(Skew::is_precise));
+        let is_precise = u64::from(tracked.as_ref().is_some_and(Skew::is_precise));
+        self.is_unknown &= 1 - is_precise;
+        self.was_measured |= is_precise;
         let is_first = self.target_s == 0.0;
         // Clocks drift, so a new estimate is better than the lag in use even if it is less precise. After hours without
         // motion it extrapolates the drift by seconds and is not used.
@@ -90,17 +94,25 @@ impl SkewMonitor {
         is_first && self.target_s.abs() > OFF_MIN_S
     }
 
-    /// Restarts after a change of a stream's clock epoch: no earlier window determines the lag. Without an earlier
-    /// measurement the lag of the model applies alone, as at the start.
-    pub(super) fn restart(&mut self) {
-        self.is_unknown |= u64::from(self.is_measured());
-        self.estimator = Zeroable::zeroed();
+    /// Restarts if a stream's clock epoch differs between two samples of one run of its adapter, which counts the samples:
+    /// no earlier window determines the lag. Without an earlier measurement the lag of the model applies alone, as at
+    /// the start.
+    pub(super) fn compare_epochs(
+        &mut self,
+        sequences: core::ops::RangeInclusive<u64>,
+        [before, now]: [u32; 2],
+    ) {
+        if before != now && !sequences.is_empty() {
+            self.is_unknown = self.was_measured;
+            self.estimator = Zeroable::zeroed();
+        }
     }
 
     /// Restores a stored lag, s, of which the model subtracts a part; 0 if it was not measured.
     pub(super) fn resume(&mut self, total_lag_s: f64, model_lag_s: f64) {
         let lag_s = if total_lag_s == 0.0 { 0.0 } else { in_range(total_lag_s - model_lag_s) };
         (self.target_s, self.applied_s, self.model_lag_s) = (lag_s, lag_s, model_lag_s);
+        self.was_measured = u64::from(lag_s != 0.0);
     }
 
     /// Replaces the lag of the model, s. A measured lag remains the same in total; without a measurement that of the
@@ -166,6 +178,7 @@ impl SkewMonitor {
             && self.published_sigma_s.is_finite()
             && self.is_off <= 1
             && self.is_unknown <= 1
+            && self.was_measured <= 1
     }
 }
 
@@ -298,7 +311,7 @@ mod tests {
             second(&mut watch, 1000 * index, true, |_| 20);
         }
         assert!(!watch.is_off());
-        watch.restart();
+        watch.compare_epochs(1..=2, [0, 1]);
         let mut measured_s = None;
         for index in 30..60 {
             second(&mut watch, 1000 * index, true, |_| 320);

@@ -13,7 +13,8 @@ message! {
     pub struct GroundSample {
         /// Time of the measurement by the stream's clock fit, CLOCK_MONOTONIC ns of the host.
         pub sample_time_ns: u64,
-        /// 1-σ of `sample_time_ns`, ns; `u64::MAX` while the clock fit has too few points.
+        /// 1-σ of `sample_time_ns`, ns; `u64::MAX` while the clock fit has too few points, or if
+        /// the time since the previous sample is unknown.
         pub sample_time_sigma_ns: u64,
         /// Kernel's receive stamp, CLOCK_MONOTONIC ns.
         pub arrival_ns: u64,

@@ -19,11 +19,14 @@ const MIN_SAMPLES: u64 = 8;
 const SIGMA_FLOOR_NS: f64 = 1e3;
 /// Larger deviations from the line are no jitter: samples wait, or the counter paused or jumped.
 const BREAK_NS: f64 = 50e6;
-/// If late arrivals follow another straight line for this long, within [`STEADY_NS`], the counter paused or changed its
-/// rate: the fit restarts. Samples that wait for a host or network do not: the line remains valid.
+/// If late arrivals follow another straight line for this long, within [`STEADY_NS`], the counter paused or slowed down:
+/// the fit restarts. Samples that wait for a host or network do not: the line remains valid.
 const BREAK_LASTS_NS: f64 = 1e9;
-/// Jitter of samples that do not wait.
+/// Jitter of the earliest of the samples within [`EARLIEST_OF_NS`] if none of them waits.
 const STEADY_NS: f64 = 10e6;
+const EARLIEST_OF_NS: f64 = 100e6;
+/// Number of blocks from which a line is accurate enough for its moves to be those of the device.
+const SETTLED_BLOCKS: usize = BLOCKS / 4;
 /// A larger move of the line makes the time since the previous sample unknown: half a sample of the fastest suit.
 const UNEVEN_NS: f64 = 2e6;
 
@@ -60,24 +63,45 @@ impl Line {
     }
 }
 
-/// Late samples, all of them within [`STEADY_NS`] of a straight line through the first.
+/// Late samples, the earliest of each [`EARLIEST_OF_NS`] within [`STEADY_NS`] of a straight line through the first.
 #[derive(Debug, Clone, Copy)]
 struct Late {
-    first: Point,
-    /// Bounds of that line's slope, ns per count.
+    first: Option<Point>,
+    /// Bounds of that line's slope, ns per count; not below that of the fit: samples that waited arrive faster.
     period_ns: [f64; 2],
+    since_ns: f64,
+    /// The earliest sample of the present interval, and the interval's start.
+    open: Point,
+    open_since_ns: f64,
 }
 
 impl Late {
-    fn from(first: Point) -> Late {
-        Late { first, period_ns: [0.0, f64::INFINITY] }
+    fn begin(point: Point, line: Line) -> Late {
+        Late {
+            first: None,
+            period_ns: [line.period_ns, f64::INFINITY],
+            since_ns: point.ns,
+            open: point,
+            open_since_ns: point.ns,
+        }
     }
 
-    /// Adds the next sample; `None` if no line passes all of them.
-    fn and(mut self, point: Point) -> Option<Late> {
-        let (counts, span_ns) = (point.counts - self.first.counts, point.ns - self.first.ns);
-        self.period_ns[0] = self.period_ns[0].max((span_ns - STEADY_NS) / counts);
-        self.period_ns[1] = self.period_ns[1].min((span_ns + STEADY_NS) / counts);
+    /// Adds the next sample; `None` if no line passes all intervals.
+    fn extend(mut self, point: Point, line: Line) -> Option<Late> {
+        if point.ns - self.open_since_ns < EARLIEST_OF_NS {
+            if line.excess(point) < line.excess(self.open) {
+                self.open = point;
+            }
+            return Some(self);
+        }
+        let earliest = core::mem::replace(&mut self.open, point);
+        self.open_since_ns = point.ns;
+        let first = *self.first.get_or_insert(earliest);
+        let (counts, span_ns) = (earliest.counts - first.counts, earliest.ns - first.ns);
+        if counts > 0.0 {
+            self.period_ns[0] = self.period_ns[0].max((span_ns - STEADY_NS) / counts);
+            self.period_ns[1] = self.period_ns[1].min((span_ns + STEADY_NS) / counts);
+        }
         (self.period_ns[0] <= self.period_ns[1]).then_some(self)
     }
 }
@@ -100,8 +124,9 @@ pub struct ClockFit {
     /// Median distance of the blocks from the line: half of them may have waited.
     spread_ns: f64,
     late: Option<Late>,
-    /// Recent moves of the line at the newest sample, and whether the last sample moved it by more than [`UNEVEN_NS`].
+    /// Recent moves of the line at the newest sample.
     moved_ns: f64,
+    /// The line moved by more than [`UNEVEN_NS`], and no later time than the last one before was estimated since.
     is_uneven: bool,
     epoch: u32,
     /// The last estimate returned; later estimates are not earlier.
@@ -140,7 +165,7 @@ impl ClockFit {
     /// Clears the line: the device's counter restarted. Estimates stay monotone.
     pub fn restart(&mut self) {
         let ClockFit { last_estimate_ns, epoch, .. } = *self;
-        *self = ClockFit { last_estimate_ns, epoch, ..ClockFit::new() };
+        *self = ClockFit { last_estimate_ns, epoch, is_uneven: last_estimate_ns > 0, ..ClockFit::new() };
     }
 
     /// Number of times that estimates moved relative to the counter by more than 50 ms, wrapping: a pause of the device
@@ -165,10 +190,10 @@ impl ClockFit {
             return;
         }
         // An error of a younger line is no move of the device.
-        let is_settled = self.newest.ns >= BREAK_LASTS_NS;
+        let is_settled = self.newest.ns >= BREAK_LASTS_NS && self.block_count >= SETTLED_BLOCKS;
         self.newest = point;
         self.samples += 1;
-        let before_ns = self.line.at(point.counts);
+        let (before_ns, spread_ns) = (self.line.at(point.counts), self.spread_ns);
         if point.ns - self.open_since_ns >= self.block_ns {
             self.close_block();
             self.open = point;
@@ -185,7 +210,7 @@ impl ClockFit {
         self.spread_ns += early_ns;
         if is_settled {
             let by_ns = self.line.at(point.counts) - before_ns;
-            self.is_uneven = by_ns.abs() > UNEVEN_NS;
+            self.is_uneven |= by_ns.abs() > UNEVEN_NS.max(3.0 * spread_ns);
             self.moved_ns += by_ns;
             if self.moved_ns.abs() > BREAK_NS {
                 self.begin_epoch(counter, arrival_ns);
@@ -205,18 +230,30 @@ impl ClockFit {
     pub fn estimate(&mut self, counter: u64) -> Option<Estimate> {
         let (first_counter, first_arrival_ns) = self.origin?;
         if self.samples < MIN_SAMPLES {
+            // The arrival takes the estimate's place.
+            let arrival_ns = first_arrival_ns.saturating_add_signed(self.newest.ns as i64);
+            self.last_estimate_ns = self.last_estimate_ns.max(arrival_ns);
             return None;
         }
         let counts = counter.wrapping_sub(first_counter).cast_signed() as f64;
         let since_first_ns = self.line.at(counts) as i64;
         let at_ns = first_arrival_ns.saturating_add_signed(since_first_ns);
-        let host_ns = at_ns.max(self.last_estimate_ns);
+        let before_ns = self.last_estimate_ns;
+        let host_ns = at_ns.max(before_ns);
         self.last_estimate_ns = host_ns;
-        if self.is_uneven || (host_ns - at_ns) as f64 > UNEVEN_NS {
+        self.is_uneven |= (host_ns - at_ns) as f64 > UNEVEN_NS;
+        if self.is_uneven {
+            self.is_uneven = host_ns == before_ns;
             return Some(Estimate { host_ns, sigma_ns: u64::MAX });
         }
-        let late_ns = if self.late.is_some() { self.line.excess(self.newest) } else { 0.0 };
+        let late_ns =
+            if self.late.is_some() { self.line.excess(self.newest) } else { self.last_block_late_ns() };
         Some(Estimate { host_ns, sigma_ns: (self.spread_ns + SIGMA_FLOOR_NS).max(late_ns) as u64 })
+    }
+
+    /// Distance of the newest closed block from the line: it is small unless all samples wait.
+    fn last_block_late_ns(&self) -> f64 {
+        self.block_count.checked_sub(1).map_or(0.0, |last| self.line.excess(self.blocks[last]))
     }
 
     /// Host time per count, ns; `None` before there are enough observations.
@@ -249,9 +286,10 @@ impl ClockFit {
             // The counter jumped ahead of time; no arrival can be early.
             return excess_ns < -BREAK_NS;
         }
-        let late = self.late.and_then(|late| late.and(point)).unwrap_or_else(|| Late::from(point));
-        self.late = Some(late);
-        point.ns - late.first.ns > BREAK_LASTS_NS
+        let line = self.line;
+        let extended = self.late.and_then(|late| late.extend(point, line));
+        let late = *self.late.insert(extended.unwrap_or_else(|| Late::begin(point, line)));
+        point.ns - late.since_ns > BREAK_LASTS_NS
     }
 
     /// Stores the open block; makes room by merging pairs of blocks or by dropping the oldest.

@@ -64,18 +64,22 @@ fn the_sum_has_the_feet_of_its_parts_and_says_whose_they_are() {
     let mut fusion = two_plates();
     fusion.push(
         0,
-        GroundSample { device_counter: 7, session: 2, ..first(10 * NS_PER_MS, 300.0) },
+        GroundSample { device_counter: 7, session: 2, clock_epoch: 4, ..first(10 * NS_PER_MS, 300.0) },
         11 * NS_PER_MS,
     );
     assert!(fused(&mut fusion, 11 * NS_PER_MS).is_empty(), "a part is not the whole");
     fusion.push(1, second(9 * NS_PER_MS, 400.0), 11 * NS_PER_MS);
     assert!(fused(&mut fusion, 11 * NS_PER_MS).is_empty(), "not held");
-    fusion.push(1, GroundSample { session: 1, ..second(11 * NS_PER_MS, 420.0) }, 12 * NS_PER_MS);
+    fusion.push(
+        1,
+        GroundSample { session: 1, clock_epoch: 5, ..second(11 * NS_PER_MS, 420.0) },
+        12 * NS_PER_MS,
+    );
     let [whole] = fused(&mut fusion, 12 * NS_PER_MS)[..] else { panic!("one sample") };
     assert_eq!((whole.sample_time_ns, whole.force_n), (10 * NS_PER_MS, [0.0, 0.0, 710.0]));
     assert_eq!((whole.foot_vertical_n, whole.per_foot), ([300.0, 410.0], 1));
     assert_eq!(whole.devices, DeviceKind::Plate as u32 | DeviceKind::SecondPlate as u32);
-    assert_eq!((whole.device_counter, whole.session, whole.sequence), (7, 3, 1));
+    assert_eq!((whole.device_counter, whole.session, whole.clock_epoch, whole.sequence), (7, 3, 9, 1));
     // Combined σ of both, which are independent.
     assert_eq!(whole.sample_time_sigma_ns, 4243);
     for (foot, at_m) in [[0.02, 0.15], [0.05, -0.14]].into_iter().enumerate() {
@@ -279,7 +283,7 @@ fn a_fault_of_the_insoles_leaves_the_plate_valid() {
 }
 
 #[test]
-fn session_and_clock_epoch_of_the_whole_never_fall_however_often_the_insoles_fail() {
+fn the_session_of_the_whole_never_falls_and_the_clock_epoch_is_the_plate_s_however_often_the_insoles_fail() {
     let mut fusion = plate_and_insoles();
     let mut sessions = Vec::new();
     for index in 0..400u64 {
@@ -292,7 +296,7 @@ fn session_and_clock_epoch_of_the_whole_never_fall_however_often_the_insoles_fai
         }
         fusion.push(0, first(now_ns - 5 * NS_PER_MS, 700.0), now_ns);
         for sample in fused(&mut fusion, now_ns) {
-            assert_eq!(sample.clock_epoch, 2 * sample.session);
+            assert_eq!(sample.clock_epoch, 0);
             sessions.push((sample.session, sample.per_foot));
         }
     }

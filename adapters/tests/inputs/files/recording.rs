@@ -233,9 +233,19 @@ fn foreign_and_newer_files_are_named() {
     assert!(fields.contains("deadbeef") && fields.contains("other fields"), "{fields}");
 
     // The previous names of the same fields.
-    metadata.insert("equipoise.schema_hash".to_owned(), "e041a28860c29831".to_owned());
-    let renamed = Recording::from_bytes(foreign(State::TOPIC, "equipoise/State_5", &metadata));
-    assert!(renamed.map_or_else(|error| !error.to_string().contains("other fields"), |_| true));
+    for (topic, type_name, hash) in [
+        (State::TOPIC, State::TYPE_NAME, "e041a28860c29831"),
+        (SuitSample::TOPIC, SuitSample::TYPE_NAME, "76d8648fb222b493"),
+        (GroundSample::TOPIC, GroundSample::TYPE_NAME, "cbd959d3fdd1fbea"),
+    ] {
+        metadata.insert("equipoise.type_name".to_owned(), type_name.to_owned());
+        metadata.insert("equipoise.schema_hash".to_owned(), hash.to_owned());
+        let renamed = Recording::from_bytes(foreign(topic, &type_name.replacen("/5", "_5", 1), &metadata));
+        assert!(
+            renamed.map_or_else(|error| !error.to_string().contains("other fields"), |_| true),
+            "{type_name}"
+        );
+    }
 
     let pcap = refusal(&[0xd4, 0xc3, 0xb2, 0xa1, 2, 0, 4, 0]);
     assert!(pcap.contains(".pcap"), "{pcap}");
