@@ -13,6 +13,8 @@ const FIRST_BLOCK_NS: f64 = 2e6;
 /// … up to this length. With [`BLOCKS`] blocks the window spans 64 s.
 const LAST_BLOCK_NS: f64 = 0.5e9;
 const WINDOW_NS: f64 = LAST_BLOCK_NS * BLOCKS as f64;
+/// Number of newest blocks whose distance from the line is an error of the newest estimates: 4 s.
+const RECENT_BLOCKS: usize = 8;
 /// Minimum number of samples for an estimate.
 const MIN_SAMPLES: u64 = 8;
 /// Lower bound of an estimate's σ.
@@ -246,14 +248,14 @@ impl ClockFit {
             self.is_uneven = host_ns == before_ns;
             return Some(Estimate { host_ns, sigma_ns: u64::MAX });
         }
-        let late_ns =
-            if self.late.is_some() { self.line.excess(self.newest) } else { self.last_block_late_ns() };
+        let late_ns = if self.late.is_some() { self.line.excess(self.newest) } else { self.recent_late_ns() };
         Some(Estimate { host_ns, sigma_ns: (self.spread_ns + SIGMA_FLOOR_NS).max(late_ns) as u64 })
     }
 
-    /// Distance of the newest closed block from the line: it is small unless all samples wait.
-    fn last_block_late_ns(&self) -> f64 {
-        self.block_count.checked_sub(1).map_or(0.0, |last| self.line.excess(self.blocks[last]))
+    /// Smallest distance of the newest closed blocks from the line, ns: large only if all recent samples wait.
+    fn recent_late_ns(&self) -> f64 {
+        let recent = &self.blocks[self.block_count.saturating_sub(RECENT_BLOCKS)..self.block_count];
+        recent.iter().map(|block| self.line.excess(*block)).reduce(f64::min).unwrap_or(0.0)
     }
 
     /// Host time per count, ns; `None` before there are enough observations.
