@@ -160,6 +160,49 @@ fn a_sender_that_falls_behind_and_catches_up_changes_the_epoch_or_keeps_the_line
 }
 
 #[test]
+fn a_backlog_that_arrives_at_twice_the_rate_keeps_the_line() {
+    // Nothing arrives for 3 s.
+    let (epoch, sure) = wait(false, |index| match index {
+        4000..5500 => (5500 - index) * 2_000_000,
+        _ => 0,
+    });
+    assert!(epoch == 0 && sure > 8200, "epoch {epoch}, {sure} are sure");
+}
+
+#[test]
+fn a_longer_delay_with_jitter_begins_an_epoch() {
+    let (mut fit, mut jitter) = (ClockFit::new(), Jitter { state: 7, mean_ns: 5e6 });
+    let (mut began, mut last_arrival_ns) = (None, 0);
+    for index in 0..4000_u64 {
+        let delay_ns = if index < 2500 { 0 } else { 200_000_000 };
+        let arrival_ns = START_NS + index * 4_000_000 + delay_ns + jitter.next_ns() as u64;
+        last_arrival_ns = arrival_ns.max(last_arrival_ns);
+        fit.observe(index, last_arrival_ns);
+        if fit.epoch() > 0 {
+            began = began.or(Some(index));
+        }
+    }
+    assert!(began.is_some_and(|index| (2500..2900).contains(&index)) && fit.epoch() == 1, "{began:?}");
+}
+
+#[test]
+fn block_deliveries_with_jitter_begin_no_epoch_and_leave_most_times_certain() {
+    // 100 samples each, at 1 kHz.
+    let (mut fit, mut jitter) = (ClockFit::new(), Jitter { state: 3, mean_ns: 10e6 });
+    let (mut unknown, mut last_arrival_ns) = (0, 0);
+    for block in 1..=600_u64 {
+        let arrival_ns = START_NS + block * 100_000_000 + jitter.next_ns() as u64;
+        last_arrival_ns = arrival_ns.max(last_arrival_ns);
+        fit.observe(100 * block, last_arrival_ns);
+        for counter in 100 * block - 99..=100 * block {
+            let sigma_ns = fit.estimate(counter).map(|estimate| estimate.sigma_ns);
+            unknown += usize::from(block > 50 && sigma_ns.is_none_or(|sigma_ns| sigma_ns > 20_000_000));
+        }
+    }
+    assert!(fit.epoch() == 0 && unknown < 550, "epoch {}, {unknown} of 55000 unknown", fit.epoch());
+}
+
+#[test]
 fn equal_and_falling_counters_are_ignored() {
     let mut fit = ClockFit::new();
     for index in 0..20 {
