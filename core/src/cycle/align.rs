@@ -74,10 +74,7 @@ pub(super) fn ingest(
             if let Some(newest) = alignment.newest_ground() {
                 ground_gap_ns =
                     ground_gap_ns.max(sample.sample_time_ns.saturating_sub(newest.sample_time_ns));
-                skew.compare_epochs(
-                    newest.sequence..=sample.sequence,
-                    [newest, &sample].map(|sample| sample.clock_epoch),
-                );
+                skew.compare_epochs([newest, &sample].map(|sample| (sample.sequence, sample.clock_epoch)));
             }
             if plausibility.check_ground(&sample, alignment.newest_ground()) {
                 skew.ingest_ground(&sample);
@@ -94,10 +91,7 @@ pub(super) fn ingest(
             continue;
         }
         if let Some(newest) = alignment.newest_suit() {
-            skew.compare_epochs(
-                newest.sequence..=sample.sequence,
-                [newest, &sample].map(|sample| sample.clock_epoch),
-            );
+            skew.compare_epochs([newest, &sample].map(|sample| (sample.sequence, sample.clock_epoch)));
         }
         let bones = Bones::of(subject, settings);
         if !plausibility.check_suit(&sample, alignment.newest_suit(), &bones) {

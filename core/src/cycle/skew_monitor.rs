@@ -94,15 +94,11 @@ impl SkewMonitor {
         is_first && self.target_s.abs() > OFF_MIN_S
     }
 
-    /// Restarts if a stream's clock epoch differs between two samples of one run of its adapter, which counts the samples:
-    /// no earlier window determines the lag. Without an earlier measurement the lag of the model applies alone, as at
-    /// the start.
-    pub(super) fn compare_epochs(
-        &mut self,
-        sequences: core::ops::RangeInclusive<u64>,
-        [before, now]: [u32; 2],
-    ) {
-        if before != now && !sequences.is_empty() {
+    /// Compares sequence number and clock epoch of two samples of one stream. If the epoch changed, no earlier window
+    /// determines the lag: the estimator restarts. A lower number is that of a restarted adapter, whose epochs begin
+    /// again. Without an earlier measurement the lag of the model applies alone, as at the start.
+    pub(super) fn compare_epochs(&mut self, [before, now]: [(u64, u32); 2]) {
+        if before.1 != now.1 && before.0 <= now.0 {
             self.is_unknown = self.was_measured;
             self.estimator = Zeroable::zeroed();
         }
@@ -311,7 +307,7 @@ mod tests {
             second(&mut watch, 1000 * index, true, |_| 20);
         }
         assert!(!watch.is_off());
-        watch.compare_epochs(1..=2, [0, 1]);
+        watch.compare_epochs([(1, 0), (2, 1)]);
         let mut measured_s = None;
         for index in 30..60 {
             second(&mut watch, 1000 * index, true, |_| 320);

@@ -128,7 +128,7 @@ pub struct ClockFit {
     late: Option<Late>,
     /// Recent moves of the line at the newest sample.
     moved_ns: f64,
-    /// The line moved by more than [`UNEVEN_NS`], and no later time than the last one before was estimated since.
+    /// Set by a move of the line by more than [`UNEVEN_NS`], cleared by the next estimate that is later than all before.
     is_uneven: bool,
     epoch: u32,
     /// The last estimate returned; later estimates are not earlier.

@@ -95,7 +95,7 @@ pub enum Fault {
     LateSuit,
     /// The suit's sender falls behind by 2 s and catches up.
     SuitBehind,
-    /// The plate's sender does.
+    /// The plate's sender falls behind by 2 s and catches up.
     PlateBehind,
 }
 
@@ -334,15 +334,15 @@ impl Injection {
         self.late_suit.taken_ns(stamp_ns).unwrap_or(stamp_ns)
     }
 
-    /// Delay of the samples of suit and ground taken at a time, s; `None` for a stream that no fault has delayed so far.
+    /// Delay of the samples of suit and ground taken at a time, s; `None` for a stream that the fault does not
+    /// delay.
     fn late_s(&self, fault: Fault, now_s: f64) -> [Option<f64>; 2] {
         let [begins_s, ends_s] = self.span_s;
         let since_s = now_s - begins_s;
         let caught_up_s = BEHIND_MAX_S / BEHIND_RATE + BEHIND_MAX_S / CATCH_UP_RATE;
         let behind_s = (BEHIND_RATE * since_s).min(CATCH_UP_RATE * (caught_up_s - since_s)).max(0.0);
         match fault {
-            Fault::LateSuit if now_s >= begins_s && now_s < ends_s => [Some(LATE_S), None],
-            Fault::LateSuit => [Some(0.0), None],
+            Fault::LateSuit => [Some(if (begins_s..ends_s).contains(&now_s) { LATE_S } else { 0.0 }), None],
             Fault::SuitBehind => [Some(behind_s), None],
             Fault::PlateBehind => [None, Some(behind_s)],
             _ => [None; 2],

@@ -8,7 +8,7 @@ use equipoise_core::time::ClockFit;
 /// Stored stamps: 2 s at 240 Hz, longer than a state's age.
 const STAMPED_MAX: usize = 480;
 
-/// What the adapter sets in a sample from its counter and arrival.
+/// Fields that the adapter sets from a sample's counter and arrival.
 pub(super) trait Stamped: Copy {
     /// Device counter and stamp, ns.
     fn counter_and_stamp(&self) -> (u64, u64);
@@ -43,7 +43,7 @@ stamped!(GroundSample);
 #[derive(Debug, Clone)]
 pub(super) struct LateStream<Sample> {
     /// With the time of arrival, ns.
-    on_the_way: VecDeque<(u64, Sample)>,
+    in_flight: VecDeque<(u64, Sample)>,
     clock: ClockFit,
     /// Stamps of the last samples, and the times at which they were taken, ns.
     taken: VecDeque<[u64; 2]>,
@@ -51,7 +51,7 @@ pub(super) struct LateStream<Sample> {
 
 impl<Sample> Default for LateStream<Sample> {
     fn default() -> Self {
-        LateStream { on_the_way: VecDeque::new(), clock: ClockFit::new(), taken: VecDeque::new() }
+        LateStream { in_flight: VecDeque::new(), clock: ClockFit::new(), taken: VecDeque::new() }
     }
 }
 
@@ -61,20 +61,19 @@ impl<Sample: Stamped> LateStream<Sample> {
         self.taken.iter().find(|[stamp, _]| *stamp == stamp_ns).map(|[_, taken_ns]| *taken_ns)
     }
 
-    /// Exchanges the samples of now for those that arrive now, in order. Without a delay nothing changes until the first
-    /// one.
+    /// Replaces the samples taken now by those that arrive now, in order. Before the first delay nothing changes.
     pub(super) fn delay(&mut self, samples: &mut Vec<Sample>, now_ns: u64, late_s: Option<f64>) {
         if late_s.is_none() && self.taken.is_empty() {
             return;
         }
         let late_s = late_s.unwrap_or(0.0);
         for sample in samples.drain(..) {
-            let earlier_ns = self.on_the_way.back().map_or(0, |(arrival_ns, _)| *arrival_ns);
+            let earlier_ns = self.in_flight.back().map_or(0, |(arrival_ns, _)| *arrival_ns);
             let arrival_ns = sample.counter_and_stamp().1 + (late_s * 1e9) as u64;
-            self.on_the_way.push_back((arrival_ns.max(earlier_ns), sample));
+            self.in_flight.push_back((arrival_ns.max(earlier_ns), sample));
         }
         while let Some((arrival_ns, sample)) =
-            self.on_the_way.pop_front_if(|(arrival_ns, _)| *arrival_ns <= now_ns)
+            self.in_flight.pop_front_if(|(arrival_ns, _)| *arrival_ns <= now_ns)
         {
             let (counter, taken_ns) = sample.counter_and_stamp();
             self.clock.observe(counter, arrival_ns);

@@ -105,11 +105,11 @@ fn a_counter_that_paused_or_jumped_gets_a_new_line() {
     }
 }
 
-/// Feeds 40 s of 250 Hz whose samples wait; asserts that the error of an estimate is within 3 σ or 1 ms of zero, or of the
-/// first error of its epoch; with `is_steady` only in epoch 0. Returns the last epoch and the number of estimates with σ below 1 ms while no sample
-/// waits.
-fn wait(is_steady: bool, waits_ns: impl Fn(u64) -> u64) -> (u32, usize) {
-    let (mut fit, mut last_arrival_ns, mut sure) = (ClockFit::new(), 0, 0);
+/// Feeds 40 s of 250 Hz whose samples wait; asserts that the error of an estimate is within 3 σ or 1 ms of zero, or of
+/// the first error of its epoch; with `exempts_epochs` only in epoch 0. Returns the last epoch, and the number of
+/// estimates with σ below 1 ms while no sample waits.
+fn wait(exempts_epochs: bool, waits_ns: impl Fn(u64) -> u64) -> (u32, usize) {
+    let (mut fit, mut last_arrival_ns, mut certain) = (ClockFit::new(), 0, 0);
     let mut constant = (0, 0);
     for index in 0..10_000_u64 {
         let taken_ns = START_NS + index * 4_000_000;
@@ -123,15 +123,15 @@ fn wait(is_steady: bool, waits_ns: impl Fn(u64) -> u64) -> (u32, usize) {
         }
         let off_ns = error_ns.abs_diff(constant.1);
         let is_covered = off_ns < 1_000_000 || off_ns / 3 <= estimate.sigma_ns;
-        let is_exempt = is_steady && fit.epoch() > 0;
+        let is_exempt = exempts_epochs && fit.epoch() > 0;
         assert!(
             is_covered || is_exempt,
             "{index}: {off_ns} ns off in epoch {} and {estimate:?}",
             fit.epoch()
         );
-        sure += usize::from(waits_ns(index) == 0 && estimate.sigma_ns < 1_000_000 && error_ns < 1_000_000);
+        certain += usize::from(waits_ns(index) == 0 && estimate.sigma_ns < 1_000_000 && error_ns < 1_000_000);
     }
-    (fit.epoch(), sure)
+    (fit.epoch(), certain)
 }
 
 #[test]
@@ -139,9 +139,10 @@ fn samples_that_wait_for_seconds_keep_the_line() {
     // A sender is behind by up to 0.5 s and sends what waited at once, again and again.
     let behind_ns = |index: u64| 100_000_000 + index % 100 * 4_000_000;
     for waiting in [5000..5750, 5000..7500] {
-        let (epoch, sure) = wait(false, |index| if waiting.contains(&index) { behind_ns(index) } else { 0 });
+        let (epoch, certain) =
+            wait(false, |index| if waiting.contains(&index) { behind_ns(index) } else { 0 });
         let others = 10_000 - waiting.count();
-        assert!(epoch == 0 && sure > others - 300, "epoch {epoch}, {sure} of {others} are sure");
+        assert!(epoch == 0 && certain > others - 300, "epoch {epoch}, {certain} of {others} are certain");
     }
 }
 
@@ -149,24 +150,24 @@ fn samples_that_wait_for_seconds_keep_the_line() {
 fn a_sender_that_falls_behind_and_catches_up_changes_the_epoch_or_keeps_the_line() {
     // It falls behind at a constant rate, or in steps of 50 ms, by 2 s.
     for steps in [1, 75] {
-        let (epoch, sure) = wait(true, |index| match index {
+        let (epoch, certain) = wait(true, |index| match index {
             0..3000 => 0,
             3000..6000 => (index - 3000) / steps * steps * 666_667,
             6000..8000 => (8000 - index) * 1_000_000,
             _ => 0,
         });
-        assert!(sure > 4000, "{steps}: epoch {epoch}, {sure} are sure");
+        assert!(certain > 4000, "{steps}: epoch {epoch}, {certain} are certain");
     }
 }
 
 #[test]
 fn a_backlog_that_arrives_at_twice_the_rate_keeps_the_line() {
     // Nothing arrives for 3 s.
-    let (epoch, sure) = wait(false, |index| match index {
+    let (epoch, certain) = wait(false, |index| match index {
         4000..5500 => (5500 - index) * 2_000_000,
         _ => 0,
     });
-    assert!(epoch == 0 && sure > 8200, "epoch {epoch}, {sure} are sure");
+    assert!(epoch == 0 && certain > 8200, "epoch {epoch}, {certain} are certain");
 }
 
 #[test]
