@@ -240,10 +240,11 @@ impl Show<'_> {
             let elapsed = started.map_or(Duration::ZERO, |started| started.elapsed());
             if elapsed > limit {
                 bail!(
-                    "{} s were not enough: still {} with {} poses; give it more with --once --duration",
+                    "{} s were not enough: still {} with {} poses{}; give it more with --once --duration",
                     limit.as_secs(),
                     script.scene().name(),
-                    script.poses_used()
+                    script.poses_used(),
+                    script.masked_by()
                 );
             }
             subscriptions.wake.wait(Duration::from_millis(100))?;

@@ -49,14 +49,24 @@ const ACTS: [(f64, Act); 6] = [
 /// Duration of a lift, s. The next one begins with empty hands for two seconds.
 pub(super) const LIFT_S: f64 = 11.0;
 
-/// Carries out what is due `since_s` after the start of a lift; `done` parts are complete already. Returns their new
-/// number.
-pub(super) fn act(person: &SimulationHandle, mass_kg: f64, since_s: f64, pace: f64, done: usize) -> usize {
+/// Carries out what is due `since_s` after the start of a lift of this mass, or of the same motion with empty hands;
+/// `done` parts are complete already. Returns their new number.
+pub(super) fn act(
+    person: &SimulationHandle,
+    mass_kg: Option<f64>,
+    since_s: f64,
+    pace: f64,
+    done: usize,
+) -> usize {
     let due = |(at_s, _): &&(f64, Act)| at_s * pace <= since_s;
     for (_, act) in ACTS.iter().skip(done).take_while(due) {
         match *act {
             Act::Posture(intention) => person.intend(&intention, CHANGE_S),
-            Act::Grasp => person.lift(mass_kg),
+            Act::Grasp => {
+                if let Some(mass_kg) = mass_kg {
+                    person.lift(mass_kg);
+                }
+            }
             Act::Release => person.put_down(),
         }
     }

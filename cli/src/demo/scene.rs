@@ -116,7 +116,11 @@ pub(super) struct Script {
     has_reacted: bool,
     check_pose: usize,
     lift_acts: usize,
+    /// Whether the present lift is done without its box.
+    is_empty_handed: bool,
     last_sample_ns: u64,
+    /// Of the newest state.
+    validity: Validity,
     requested: u64,
     pub(super) poses_used: u32,
     pub(super) identified_after_s: f64,
@@ -141,7 +145,9 @@ impl Script {
             has_reacted: false,
             check_pose: 0,
             lift_acts: 0,
+            is_empty_handed: false,
             last_sample_ns: 0,
+            validity: Validity::default(),
             requested: 0,
             poses_used: 0,
             identified_after_s: 0.0,
@@ -161,10 +167,16 @@ impl Script {
         self.poses_used
     }
 
+    /// Why the newest state's torques are masked, as the end of a sentence; empty if they are not.
+    pub(super) fn masked_by(&self) -> String {
+        let names: Vec<&str> = self.validity.names().collect();
+        if names.is_empty() { String::new() } else { format!(", masked by {}", names.join(", ")) }
+    }
+
     /// The true mass of the box that is lifted now, kg.
     pub(super) fn box_kg(&self) -> Option<f64> {
         match self.scene {
-            Scene::Lift(index) => Some(BOXES_KG[index]),
+            Scene::Lift(index) if !self.is_empty_handed => Some(BOXES_KG[index]),
             _ => None,
         }
     }
@@ -186,6 +198,7 @@ impl Script {
         let fresh = state.suit_sample_time_ns != self.last_sample_ns;
         self.last_sample_ns = state.suit_sample_time_ns;
         self.poses_used = state.poses_used;
+        self.validity = state.validity();
         if fresh && !state.validity().any_of(Validity::INVALIDATES_COP_MEASURED) {
             self.cop_range.add(state.cop_measured_m);
         }
@@ -290,8 +303,10 @@ impl Script {
     fn lift(&mut self, index: usize, state: &State, person: &SimulationHandle, now_s: f64, fresh: bool) {
         let since_s = now_s - self.scene_since_s;
         let box_kg = BOXES_KG[index];
-        self.lift_acts = lift::act(person, box_kg, since_s, self.pace.lifts, self.lift_acts);
+        let lifted_kg = Some(box_kg).filter(|_| !self.is_empty_handed);
+        self.lift_acts = lift::act(person, lifted_kg, since_s, self.pace.lifts, self.lift_acts);
         if fresh
+            && !self.is_empty_handed
             && !state.validity().any_of(Validity::INVALIDATES_TORQUES)
             && let Some(sums) = self.lifts.last_mut()
         {
@@ -299,8 +314,11 @@ impl Script {
             sums.add(state, &person.truth_at(time_s), box_kg);
         }
         if since_s > LIFT_S * self.pace.lifts {
-            // On a busy machine sensors may be late for a whole lift: it is repeated.
-            let next = index + usize::from(self.lifts.last().is_some_and(LiftSums::is_complete));
+            // On a busy machine the sensors may be late for a whole lift. It is repeated after the same motion with empty
+            // hands, by which the daemon measures the latency between the streams again.
+            let is_complete = self.lifts.last().is_some_and(LiftSums::is_complete);
+            self.is_empty_handed = !is_complete && !self.is_empty_handed;
+            let next = index + usize::from(is_complete);
             if next < BOXES_KG.len() {
                 self.begin_lift(next, now_s);
             } else {
