@@ -282,6 +282,11 @@ impl Script {
         }
         if now_s - self.scene_since_s > CHECK_POSE_S * (self.check_pose + 1) as f64 {
             self.check_pose += 1;
+            if self.check_pose == CHECK_POSES && self.unloaded.samples == 0.0 {
+                // On a busy machine the sensors may be late for all poses: they are repeated.
+                self.check_pose = 0;
+                self.enter(Scene::Check, now_s);
+            }
             if self.check_pose < CHECK_POSES {
                 self.assume_check_pose(person);
             } else if let Some(handovers) = &mut self.handovers {
