@@ -193,13 +193,13 @@ mod tests {
     use serde_json::json;
 
     use super::*;
+    use crate::example_config;
     use crate::rings::Rings;
 
     /// The configuration of the start, and its status in a file.
     fn shared(directory: &std::path::Path, settings: SettingsSender) -> (SharedConfiguration, StatusFile) {
-        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
-                    id = \"alice\"\nheight_m = 1.7\n";
-        let config = Config::parse(text, "the test's").unwrap();
+        let text = example_config::text("alice", "");
+        let config = Config::parse(&text, "the test's").unwrap();
         let status = json!({
             "version": "", "process_id": 1, "station": "s", "config_toml": text, "memory_lock": "", "threads": [],
             "subject": "alice",

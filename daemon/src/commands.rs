@@ -248,6 +248,7 @@ mod tests {
 
     use super::*;
     use crate::active_configuration::ActiveConfiguration;
+    use crate::example_config;
     use crate::rings::{LoopEnds, Rings};
     use crate::subjects::ProfileDestination;
 
@@ -255,9 +256,7 @@ mod tests {
 
     /// A daemon without a loop, whose configured subject is alice.
     pub(super) fn daemon(state: &StateDirectory) -> (CommandEnds, LoopEnds, SharedConfiguration, Subjects) {
-        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
-                    id = \"alice\"\nheight_m = 1.7\n";
-        let config = Config::parse(text, "the test's").unwrap();
+        let config = example_config::config("alice", "");
         let Rings { commands, loop_ends, settings, .. } = Rings::new().unwrap();
         let active = ActiveConfiguration { config, loaded: None, similar: None };
         let configured = ProfileDestination::of(state, "alice", None, true);

@@ -234,13 +234,12 @@ mod tests {
 
     use super::*;
     use crate::active_configuration::ActiveConfiguration;
+    use crate::example_config;
     use crate::rings::Rings;
 
     /// A log with flight records of four cycles, and its incidents.
     fn log(state: &StateDirectory) -> (LatencyLog, Arc<IncidentBoard>) {
-        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\nid = \
-                    \"a\"\nheight_m = 1.77\n[latency]\nflight_cycles = 4\n";
-        let config = Config::parse(text, "the test's").unwrap();
+        let config = example_config::config("a", "[latency]\nflight_cycles = 4\n");
         let active = ActiveConfiguration { config, loaded: None, similar: None };
         let active = SharedConfiguration::new(active, Rings::new().unwrap().settings);
         let board = Arc::new(IncidentBoard::default());

@@ -6,6 +6,8 @@
 pub mod active_configuration;
 pub mod commands;
 pub mod egress;
+#[cfg(test)]
+mod example_config;
 pub mod housekeeping;
 pub mod incidents;
 pub mod ingress;

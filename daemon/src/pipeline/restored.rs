@@ -259,13 +259,12 @@ mod tests {
     use equipoise_station::state_directory::StateDirectory;
 
     use super::*;
+    use crate::example_config;
     use crate::profile::example;
     use crate::station_file::{SubjectPart, TarePart};
 
     fn config() -> Config {
-        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
-                    id = \"alice\"\nheight_m = 1.7\nmass_kg = 70.0\n";
-        Config::parse(text, "the test's").unwrap()
+        example_config::config("alice", "mass_kg = 70.0\n")
     }
 
     fn profile(subject: &str, lifts: u64) -> String {
