@@ -59,8 +59,10 @@ fn a_second_daemon_is_refused_and_names_the_first() {
 
 #[test]
 fn a_used_suit_port_is_reported_with_its_key() {
-    let station = Station::new();
-    let occupied = UdpSocket::bind(station.suit).expect("the port");
+    // Another process of these tests may have taken the port meanwhile.
+    let occupy =
+        || Some(Station::new()).and_then(|station| Some((UdpSocket::bind(station.suit).ok()?, station)));
+    let (occupied, station) = (0..10).find_map(|_| occupy()).expect("a port");
     let mut daemon = station.try_daemon(&station.configuration());
     assert_eq!(daemon.wait().code(), Some(1));
     let output = daemon.stderr();

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_core::GRAVITY_M_PER_S2;
-use equipoise_core::message::{Incident, State};
+use equipoise_core::message::{Incident, State, Validity};
 use equipoise_files::{Existing, write_regular};
 use equipoise_station::state_directory::StateDirectory;
 use equipoise_station::status::{self, Status};
@@ -21,6 +21,8 @@ use crate::commands::{Outcome, StationArgument, stop_on_signals};
 
 /// The check fails beyond so many σ.
 const SIGMAS_MAX: f64 = 3.0;
+/// Interval at which the reasons of masked torques are printed.
+const MASKED_INTERVAL: Duration = Duration::from_secs(10);
 
 /// Compare published joint torques with those of a known mass in the hands
 ///
@@ -132,6 +134,7 @@ fn guide(arguments: &Arguments) -> anyhow::Result<Vec<Trial>> {
         seconds: arguments.seconds,
         at_m: arguments.at.clone(),
     });
+    let mut masked = Masked { since: Instant::now() };
     eprintln!("stand on the plate with empty hands …");
     let started = Instant::now();
     while !check.is_done() {
@@ -148,6 +151,7 @@ fn guide(arguments: &Arguments) -> anyhow::Result<Vec<Trial>> {
         }
         while let Some(state) = states.receive()? {
             timeout.reset();
+            masked.ingest(&state);
             match check.ingest(&state) {
                 Some(Event::Ready(index)) => {
                     let [x, y] = arguments.at[index];
@@ -167,6 +171,25 @@ fn guide(arguments: &Arguments) -> anyhow::Result<Vec<Trial>> {
         std::thread::sleep(Duration::from_millis(5));
     }
     Ok(check.trials().to_vec())
+}
+
+/// Prints why torques are masked, if they are for longer than a moment.
+struct Masked {
+    /// Beginning of the masks, or time of the last line.
+    since: Instant,
+}
+
+impl Masked {
+    fn ingest(&mut self, state: &State) {
+        let validity = state.validity();
+        if validity == Validity::default() || validity.any_of(Validity::BELOW_LOAD_THRESHOLD) {
+            self.since = Instant::now();
+        } else if self.since.elapsed() > MASKED_INTERVAL {
+            self.since = Instant::now();
+            let names: Vec<&str> = validity.names().collect();
+            eprintln!("  waiting: {}; `equipoise status` says what to do", names.join(", "));
+        }
+    }
 }
 
 fn mass_sigmas(mass_kg: f64, trial: &Trial) -> f64 {

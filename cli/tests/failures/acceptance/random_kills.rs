@@ -26,8 +26,8 @@ const LOSS: Duration = Duration::from_secs(1);
 const PROBE_INTERVAL: Duration = Duration::from_millis(50);
 /// Files that the daemon may write one after another before the newest state is stored.
 const WRITES: u32 = 3;
-/// Maximum number of additional kills until two poses have been used.
-const EXTRA_KILLS: u64 = 12;
+/// From the request of a subject to its states, at most.
+const SUBJECT_CHANGE: Duration = Duration::from_millis(300);
 /// This much of a light body counts as the empty plate's offset, kg.
 const OFFSET_KG: f64 = 5.0;
 const WORKER_KG: f64 = 72.0;
@@ -177,8 +177,7 @@ impl Fixture<'_> {
         let mut command = Instant::now() + Duration::from_millis(self.random.below(1500));
         while Instant::now() < until {
             let poses = self.monitor.update().poses_used;
-            let since_load =
-                self.before.as_ref().is_none_or(|(_, at)| at.elapsed() > Duration::from_millis(300));
+            let since_load = self.before.as_ref().is_none_or(|(_, at)| at.elapsed() > SUBJECT_CHANGE);
             if since_load && self.monitor.both_fresh() {
                 let had = self.poses_seen.before(&self.in_use, Instant::now());
                 self.poses_seen.record(&self.in_use, poses);
@@ -194,6 +193,15 @@ impl Fixture<'_> {
             }
             std::thread::sleep(Duration::from_millis(5));
         }
+    }
+
+    /// Works until one more pose was used.
+    fn take_a_pose(&mut self) {
+        // The first states after a change of the subject are those of the previous one.
+        std::thread::sleep(SUBJECT_CHANGE);
+        let poses = self.monitor.until("both sensors", Monitor::both_fresh).poses_used;
+        self.monitor.until_poses(&self.person, poses + 1);
+        self.poses_seen.record(&self.in_use, self.monitor.state.poses_used);
     }
 
     fn command(&mut self) {
@@ -276,11 +284,10 @@ fn a_kill_at_any_instant_loses_at_most_a_second() {
         pose: 1,
         posed: Instant::now(),
     };
-    let mut poses = 0;
-    for kill in 0..kills + EXTRA_KILLS {
-        // Masked states on a busy machine interrupt holds, so that a pose needs more work.
-        if kill >= kills && poses >= 2 {
-            break;
+    for kill in 0..kills {
+        if kill == kills / 2 {
+            // On a busy machine masked states interrupt the holds: without waiting, no kill may follow a new pose.
+            fixture.take_a_pose();
         }
         fixture.work();
         let killed = Instant::now();
@@ -300,14 +307,12 @@ fn a_kill_at_any_instant_loses_at_most_a_second() {
         // Not restored if a busy machine has kept the worker out of sight for too long.
         let restored = message.contains("the position of the suit's world is restored");
         assert!(restored || message.contains("the worker was last seen"), "{message}");
-        poses = fixture.monitor.state.poses_used.max(poses);
         println!("kill {kill}: {} has {} poses", fixture.in_use, fixture.monitor.state.poses_used);
     }
     // Operation continues, with the shift, from pose to pose.
     let Fixture { mut monitor, person, .. } = fixture;
     let before = monitor.state.poses_used;
     monitor.until_poses(&person, before + 1);
-    assert!(poses >= 2, "hardly a pose was taken between the kills");
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert!(read_all_files(&station.state_directory()) >= 3);
 }
