@@ -243,7 +243,6 @@ mod tests {
 
     use equipoise_bus::root::shared_memory_prefix;
     use equipoise_bus::{BusSettings, parse_text};
-    use equipoise_config::Config;
     use equipoise_station::state_directory::StateDirectory;
 
     use super::*;
