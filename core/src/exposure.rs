@@ -95,12 +95,19 @@ impl Exposure {
         Shift { fatigue: self.fatigue.by_joint, damage, lifts, ended, latest }
     }
 
-    /// Continues a shift after a gap without data, for which neither fatigue nor rest is assumed.
-    pub fn resume(&mut self, shift: &Shift) {
+    /// Continues a shift after a gap without data, for which neither fatigue nor rest is assumed. `ended_ns`: time of its
+    /// last sample, wrapped if that is before the clock's zero.
+    pub fn resume(&mut self, shift: &Shift, ended_ns: u64) {
         self.start();
+        self.last_sample_ns = ended_ns.max(1);
         self.fatigue.by_joint = shift.fatigue;
         let &Shift { damage, lifts, ended, latest, .. } = shift;
         self.dose = Dose::restored(damage, lifts, ended, latest);
+    }
+
+    /// Ends a lift in progress, and counts it: the subject is replaced, and what becomes of the load is not known.
+    pub fn end_lift(&mut self) {
+        self.dose.end_lift();
     }
 
     /// Resets everything, for another subject or shift.
@@ -117,7 +124,7 @@ impl Exposure {
     pub fn advance(&mut self, sample_time_ns: u64, load: &Load, limit_nm: &[f64; JOINTS]) {
         let step_ns = match self.last_sample_ns {
             0 => 0,
-            last_ns => sample_time_ns.saturating_sub(last_ns),
+            last_ns => sample_time_ns.wrapping_sub(last_ns).cast_signed().max(0).cast_unsigned(),
         };
         if step_ns >= SHIFT_ENDS_S * NS_PER_S {
             self.start();
@@ -159,6 +166,9 @@ mod tests {
             assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&before.fatigue));
             assert_eq!(bytemuck::bytes_of(&exposure.dose), bytemuck::bytes_of(&before.dose));
         }
+        let mut replaced = exposure;
+        replaced.end_lift();
+        assert_eq!(replaced.dose.lifts, 1);
         for sample in 1..=200 {
             let load = if sample <= 100 { carrying(30.0) } else { Load::None };
             exposure.advance(4 * NS_PER_S + sample * 10_000_000, &load, &limits);
@@ -166,5 +176,19 @@ mod tests {
         assert_eq!(exposure.dose.lifts, 1);
         assert!((exposure.dose.latest[0].carried_s - 2.0).abs() < 1e-9);
         assert!(exposure.is_sound());
+    }
+
+    #[test]
+    fn a_shift_resumed_in_the_evening_does_not_go_on_in_the_morning() {
+        let shift = Shift { fatigue: [0.25; JOINTS], damage: 0.01, lifts: 3, ended: 3, ..Zeroable::zeroed() };
+        // An hour after the start of the computer, three hours after the last sample.
+        let (now_ns, ended_ns) = (3600 * NS_PER_S, 0_u64.wrapping_sub(2 * 3600 * NS_PER_S));
+        let lifts_after = |hours: u64| {
+            let mut exposure: Exposure = Zeroable::zeroed();
+            exposure.resume(&shift, ended_ns);
+            exposure.advance(now_ns + hours * 3600 * NS_PER_S, &Load::None, &[100.0; JOINTS]);
+            exposure.dose.lifts
+        };
+        assert_eq!([0, 2].map(lifts_after), [3, 0]);
     }
 }

@@ -232,11 +232,11 @@ impl Profile {
         Ok(filter)
     }
 
-    /// The shift to resume at a time, s since 1970 UTC, and a message.
+    /// The shift to resume at a time, s since 1970 UTC, its age, s, and a message.
     ///
     /// # Errors
     /// Why a new shift begins.
-    pub fn shift(&self, now_unix_s: u64) -> Result<(Shift, String), String> {
+    pub fn shift(&self, now_unix_s: u64) -> Result<(Shift, u64, String), String> {
         let (shift, age_s) = self.shift.shift(now_unix_s)?;
         let unknown = match age_s {
             Some(_) => "",
@@ -244,7 +244,8 @@ impl Profile {
                 "; its age is unknown, because this computer's clock is behind the shift's date: set the clock"
             }
         };
-        Ok((shift, format!("the shift goes on: {} lifts so far{unknown}", shift.lifts)))
+        let message = format!("the shift goes on: {} lifts so far{unknown}", shift.lifts);
+        Ok((shift, age_s.unwrap_or(0), message))
     }
 
     /// Measured handovers: none unless identification is complete, because the ratios refer to its predictions.

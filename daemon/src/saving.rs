@@ -153,10 +153,15 @@ impl Writer {
             Profile::of(subject, (*build)?, &copy.subject, &copy.shift, experience, saved_unix_s)
         };
         let Some(undated) = of(0) else { return };
-        let same = self.profile.as_ref().is_some_and(|(of, profile)| *of == number && *profile == undated);
+        let before = self.profile.as_ref().filter(|(of, _)| *of == number).map(|(_, profile)| profile);
         let suit_recent = now_ns().saturating_sub(copy.registration.suit_time_ns) < SUIT_RECENT_NS;
+        if before.is_none() && !suit_recent && destination.path.exists() {
+            // What was read from the file, which keeps its date.
+            self.profile = Some((number, undated));
+            return;
+        }
         let date_is_current = !suit_recent || self.profile_dated.elapsed() < SHIFT_DATE_INTERVAL;
-        if same && date_is_current {
+        if before == Some(&undated) && date_is_current {
             return;
         }
         match of(unix_s()).map(|profile| profile.to_toml()) {

@@ -8,8 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use equipoise_config::Config;
-use equipoise_core::cycle::stored_state::SHIFT_VALID_NS;
-use equipoise_core::cycle::{Registration, StoredState, Tare};
+use equipoise_core::cycle::{StoredState, Tare};
 use equipoise_core::message::Printable;
 use equipoise_files::Sha256;
 use serde::{Deserialize, Serialize};
@@ -17,8 +16,10 @@ use serde::{Deserialize, Serialize};
 use crate::stored_file::{self, Refusal, sealed};
 
 mod force_offset;
+mod registration;
 
 pub use force_offset::ForceOffsetPart;
+pub use registration::RegistrationPart;
 
 /// Increments with every change of the file's layout or meaning; a file of another format is refused.
 const FORMAT: u32 = 4;
@@ -99,28 +100,6 @@ pub struct TarePart {
     moment_nm: [f64; 3],
     foot_vertical_n: [f64; 2],
     foot_lever_nm: [[f64; 2]; 2],
-}
-
-/// `[registration]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RegistrationPart {
-    /// Boot id of the machine, for `suit_time_ns`.
-    boot: String,
-    /// SHA-256 of the plates' frames: the registration is relative to the world that they define.
-    frames: String,
-    /// Rotation about the vertical and its 1-σ, rad.
-    station_from_suit_rad: f64,
-    station_from_suit_sigma_rad: f64,
-    station_from_suit_m: [f64; 2],
-    /// Its 1-σ by the stance offset, m.
-    station_from_suit_sigma_m: [f64; 2],
-    /// CLOCK_MONOTONIC; 0 if the registration was lost and the suit has sent no sample since.
-    suit_time_ns: u64,
-    suit_counter: u64,
-    suit_period_ns: u64,
-    /// Lag of the suit's stamps behind the ground's, s.
-    suit_lag_s: f64,
 }
 
 /// A station's file cannot be used.
@@ -250,90 +229,8 @@ impl TarePart {
     }
 }
 
-impl RegistrationPart {
-    /// The registration, also a lost one before the first suit sample: without it a later start would use the configured
-    /// one. `None` without any, or if the start of the machine cannot be determined.
-    pub fn of(copy: &StoredState, config: &Config) -> Option<RegistrationPart> {
-        let Registration {
-            station_from_suit_rad,
-            station_from_suit_sigma_rad,
-            station_from_suit_m,
-            station_from_suit_sigma_m,
-            suit_time_ns,
-            suit_counter,
-            suit_period_ns,
-            suit_lag_s,
-        } = copy.registration;
-        let is_lost = station_from_suit_sigma_rad >= core::f64::consts::PI;
-        (suit_time_ns > 0 || is_lost).then_some(RegistrationPart {
-            boot: boot()?,
-            frames: frames_of(config),
-            station_from_suit_rad,
-            station_from_suit_sigma_rad,
-            station_from_suit_m,
-            station_from_suit_sigma_m,
-            suit_time_ns,
-            suit_counter,
-            suit_period_ns,
-            suit_lag_s,
-        })
-    }
-
-    /// Whether it was estimated with the configured frames of the ground devices.
-    pub fn is_in_frames_of(&self, config: &Config) -> bool {
-        self.frames == frames_of(config)
-    }
-
-    /// The registration, which the loop compares with the first suit sample.
-    ///
-    /// # Errors
-    /// Why it is no longer valid.
-    pub fn registration(&self, config: &Config, now_ns: u64) -> Result<Registration, String> {
-        if boot().as_deref() != Some(&self.boot) {
-            return Err("the machine was restarted".to_owned());
-        }
-        if !self.is_in_frames_of(config) {
-            return Err("[ground.frame] is another than it was".to_owned());
-        }
-        if self.suit_time_ns == 0 {
-            return Err("it was lost before, and the suit has sent no sample since".to_owned());
-        }
-        let age_ns = now_ns.saturating_sub(self.suit_time_ns);
-        if age_ns > SHIFT_VALID_NS {
-            return Err(format!("the worker was last seen {:.0} s ago", age_ns as f64 * 1e-9));
-        }
-        let &RegistrationPart {
-            station_from_suit_rad,
-            station_from_suit_sigma_rad,
-            station_from_suit_m,
-            station_from_suit_sigma_m,
-            suit_time_ns,
-            suit_counter,
-            suit_period_ns,
-            suit_lag_s,
-            ..
-        } = self;
-        Ok(Registration {
-            station_from_suit_rad,
-            station_from_suit_sigma_rad,
-            station_from_suit_m,
-            station_from_suit_sigma_m,
-            suit_time_ns,
-            suit_counter,
-            suit_period_ns,
-            suit_lag_s,
-        })
-    }
-}
-
 fn plate_of(config: &Config) -> String {
     Sha256::of(config.ground.to_toml().as_bytes())
-}
-
-fn frames_of(config: &Config) -> String {
-    let frames = [Some(&config.ground), config.ground.second.as_deref()];
-    let texts = frames.map(|ground| ground.map(|ground| ground.frame.to_toml()).unwrap_or_default());
-    Sha256::of(texts.join("and").as_bytes())
 }
 
 /// Boot id of the machine; `None` if unavailable.
@@ -344,7 +241,7 @@ fn boot() -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use equipoise_core::cycle::StoredForceOffset;
+    use equipoise_core::cycle::{Registration, StoredForceOffset};
 
     use super::*;
     use crate::realtime::now_ns;
@@ -424,18 +321,5 @@ mod tests {
         let moved = config("[ground.frame]\nyaw_deg = 90.0");
         assert!(part.tare(&moved, 1000).unwrap_err().contains("tare again"));
         assert_eq!(TarePart::of(&bytemuck::Zeroable::zeroed(), 1, &config("")), None);
-    }
-
-    #[test]
-    fn a_registration_is_refused_after_a_reboot_or_a_long_time() {
-        let mut part = RegistrationPart::of(&copy(), &config("")).unwrap();
-        let moved = config("[ground.frame]\nyaw_deg = 90.0");
-        assert!(part.registration(&moved, now_ns()).unwrap_err().contains("[ground.frame]"));
-        assert!(part.registration(&config("latency_ms = 2.0"), now_ns()).is_ok());
-        assert!(
-            part.registration(&config(""), now_ns() + 2 * SHIFT_VALID_NS).unwrap_err().contains("last seen")
-        );
-        part.boot.push('x');
-        assert!(part.registration(&config(""), now_ns()).unwrap_err().contains("machine"));
     }
 }

@@ -203,6 +203,7 @@ impl Loop {
         self.record.command_argument = [0.0; 4];
         let command = self.ends.command.pop().ok();
         if command == Some(CommandKind::SubjectLoad) && !self.ends.worker.is_empty() {
+            self.memory.exposure.end_lift();
             // Final copy of the previous worker; before the worker's slot is free, which the command thread checks.
             self.push_copy();
         }

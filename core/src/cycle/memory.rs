@@ -144,9 +144,9 @@ impl Memory {
         self.align.alignment.empty_reading(EMPTY_PLATE_N).is_some()
     }
 
-    /// Continues the subject's shift after a gap without data.
-    pub fn resume_shift(&mut self, shift: &Shift) {
-        self.exposure.resume(shift);
+    /// Continues the subject's shift after a gap without data; `ended_ns` as in [`Exposure::resume`].
+    pub fn resume_shift(&mut self, shift: &Shift, ended_ns: u64) {
+        self.exposure.resume(shift, ended_ns);
         self.publication.begin_shift(&self.exposure);
     }
 

@@ -143,7 +143,7 @@ impl Dose {
     }
 
     /// Ends the episode; counts it if it was a lift.
-    fn end_lift(&mut self) {
+    pub(super) fn end_lift(&mut self) {
         let carried_s = self.carried_s;
         if carried_s >= LIFT_MIN_S {
             let peak_nm = self.peak_nm.value();

@@ -10,12 +10,14 @@ use equipoise_config::method::SubjectConfig;
 use equipoise_core::cycle::SubjectState;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
+use equipoise_core::time::NS_PER_S;
 use equipoise_files::FileLock;
 use equipoise_station::ANONYMOUS;
 
 use super::{Answer, TOO_MANY, await_receipt, push_command};
 use crate::active_configuration::{ActiveConfiguration, LoadedSubject, SharedConfiguration};
 use crate::profile::{Profile, unix_s};
+use crate::realtime::now_ns;
 use crate::rings::{CommandEnds, SettingsSender};
 use crate::subjects::{DELETED, ProfileDestination, Subjects};
 
@@ -71,8 +73,8 @@ pub(super) fn load(
         worker.identification.mass_kg = mass_kg;
     }
     let shift = match profile.shift(unix_s()) {
-        Ok((shift, message)) => {
-            worker.exposure.resume(&shift);
+        Ok((shift, age_s, message)) => {
+            worker.exposure.resume(&shift, now_ns().wrapping_sub(age_s * NS_PER_S));
             message
         }
         Err(_) => "a new shift begins".to_owned(),

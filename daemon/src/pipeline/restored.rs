@@ -2,6 +2,7 @@
 
 use equipoise_config::Config;
 use equipoise_core::cycle::{Memory, Settings, Tare};
+use equipoise_core::time::NS_PER_S;
 use equipoise_files::atomic_file::remove_abandoned_files;
 use equipoise_station::ANONYMOUS;
 use tracing::{info, warn};
@@ -182,8 +183,8 @@ impl Restored {
             profile.subject, profile.poses_used
         ));
         match profile.shift(unix_s()) {
-            Ok((shift, message)) => {
-                self.memory.resume_shift(&shift);
+            Ok((shift, age_s, message)) => {
+                self.memory.resume_shift(&shift, now_ns().wrapping_sub(age_s * NS_PER_S));
                 self.report(message);
             }
             Err(reason) => self.report(format!("a new shift begins: {reason}")),

@@ -112,8 +112,8 @@ fn a_profile_restores_the_stored_subject() {
     let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
     assert_eq!(read, written);
     let message = "the shift goes on: 3 lifts so far".to_owned();
-    assert_eq!(read.shift(1_000_060), Ok((shift, message)));
-    assert!(read.shift(999_000).unwrap().1.contains("set the clock"));
+    assert_eq!(read.shift(1_000_060), Ok((shift, 60, message)));
+    assert!(read.shift(999_000).unwrap().2.contains("set the clock"));
     assert_eq!(read.experience(), Experience::default(), "not identified");
     assert_eq!(Profile { identified: true, ..read.clone() }.experience(), experience);
     let mut again = bytemuck::zeroed_box::<StoredSubject>();

@@ -18,7 +18,7 @@ fn restored_bench(bench: &Bench, stored: &StoredState, gap_ns: u64) -> Bench {
     let mut again = Bench::new(|settings| *settings = bench.settings);
     (again.now_ns, again.suit_drift_m) = (bench.now_ns + gap_ns, bench.suit_drift_m);
     assert!(again.memory.identification.restore(&stored.subject, &bench.settings));
-    again.memory.exposure.resume(&stored.shift);
+    again.memory.exposure.resume(&stored.shift, bench.now_ns);
     assert!(again.memory.resume_tare(&stored.tare));
     again.memory.resume_force_offset(&stored.force_offset);
     assert!(again.memory.resume_registration(&stored.registration, &bench.settings));
@@ -76,7 +76,7 @@ fn a_resumed_shift_counts_a_lift_in_progress_when_it_ends() {
     let under_way = stored_state(&memory).shift;
     assert_eq!((under_way.lifts, under_way.damage), (0, 0.0));
     assert!(under_way.fatigue[0] > 0.0);
-    memory.exposure.resume(&under_way);
+    memory.exposure.resume(&under_way, 2 * NS_PER_S);
     assert_eq!(memory.exposure.shift(), under_way);
     // The load is detected again.
     for sample in 300..400 {
@@ -88,7 +88,7 @@ fn a_resumed_shift_counts_a_lift_in_progress_when_it_ends() {
     }
     let shift = stored_state(&memory).shift;
     assert_eq!((shift.lifts, shift.latest[0].number), (1, 1));
-    memory.exposure.resume(&shift);
+    memory.exposure.resume(&shift, 5 * NS_PER_S);
     assert_eq!(memory.exposure.shift(), shift);
     memory.exposure.advance(NS_PER_S << 10, &load, &limits);
     assert_eq!(memory.exposure.shift(), shift, "the gap changes nothing");
