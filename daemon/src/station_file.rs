@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use equipoise_config::Config;
-use equipoise_core::cycle::{StoredState, Tare};
+use equipoise_core::cycle::Tare;
 use equipoise_core::message::Printable;
 use equipoise_files::Sha256;
 use serde::{Deserialize, Serialize};
@@ -241,7 +241,7 @@ fn boot() -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use equipoise_core::cycle::{Registration, StoredForceOffset};
+    use equipoise_core::cycle::{Registration, StoredForceOffset, StoredState};
 
     use super::*;
     use crate::realtime::now_ns;
