@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use equipoise_config::Config;
-use equipoise_core::exposure::Exposure;
+use equipoise_core::body::JOINTS;
 use equipoise_core::handover::experience::{Experience, LimitRatio};
 use equipoise_core::handover::search::{PlacePrediction, Planning, Predicted, REGION_M, places};
 use equipoise_core::handover::{Body, FootPlacement, MASS_KG, PLACE_MAX_M, Part, WIDTH_M};
@@ -204,12 +204,9 @@ fn stored_subject(config: &Config, id: &str) -> anyhow::Result<Stored> {
     let worker = profile
         .worker(&settings)
         .map_err(|reason| anyhow::anyhow!("the profile {id} is not used: {reason}"))?;
-    let mut exposure = bytemuck::zeroed_box::<Exposure>();
-    if let Ok(shift) = profile.shift(unix_s()) {
-        exposure.resume(&shift.0);
-    }
+    let fatigue = profile.shift(unix_s()).map_or([0.0; JOINTS], |(shift, ..)| shift.fatigue);
     Ok(Stored {
-        body: worker.handover_body(&settings, exposure.fatigue.by_joint),
+        body: worker.handover_body(&settings, fatigue),
         height_m: config.subject.height_m,
         experience: profile.experience(),
     })
