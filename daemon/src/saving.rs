@@ -58,17 +58,7 @@ pub struct Saver {
 
 /// Saves until the loop has ended and its last copy is written.
 pub fn run(saver: Saver) {
-    let mut writer = Writer {
-        saver,
-        profile: None,
-        profile_dated: Instant::now(),
-        station: None,
-        station_written: None,
-        profiles: BTreeMap::new(),
-        station_text: None,
-        lifts: LiftLog::default(),
-        encoding_error: None,
-    };
+    let mut writer = Writer::new(saver);
     let ticks = tick(POLL_INTERVAL);
     loop {
         let ended = writer.saver.ends.control.has_ended();
@@ -92,7 +82,8 @@ struct Writer {
     saver: Saver,
     /// The last profile, dated 0, and the number of its subject.
     profile: Option<(u64, Profile)>,
-    profile_dated: Instant,
+    /// When the file got its date; `None` if that is older than this process.
+    profile_dated: Option<Instant>,
     /// The last content of the station file, dated 0.
     station: Option<StationFile>,
     station_written: Option<Instant>,
@@ -106,6 +97,20 @@ struct Writer {
 }
 
 impl Writer {
+    fn new(saver: Saver) -> Writer {
+        Writer {
+            saver,
+            profile: None,
+            profile_dated: None,
+            station: None,
+            station_written: None,
+            profiles: BTreeMap::new(),
+            station_text: None,
+            lifts: LiftLog::default(),
+            encoding_error: None,
+        }
+    }
+
     /// Ingests all copies; only the last one of each subject counts.
     fn drain(&mut self) {
         let mut newest: Option<(u64, Box<StoredState>)> = None;
@@ -157,16 +162,17 @@ impl Writer {
         let suit_recent = now_ns().saturating_sub(copy.registration.suit_time_ns) < SUIT_RECENT_NS;
         if before.is_none() && !suit_recent && destination.path.exists() {
             // What was read from the file, which keeps its date.
-            self.profile = Some((number, undated));
+            (self.profile, self.profile_dated) = (Some((number, undated)), None);
             return;
         }
-        let date_is_current = !suit_recent || self.profile_dated.elapsed() < SHIFT_DATE_INTERVAL;
+        let date_is_current =
+            !suit_recent || self.profile_dated.is_some_and(|at| at.elapsed() < SHIFT_DATE_INTERVAL);
         if before == Some(&undated) && date_is_current {
             return;
         }
         match of(unix_s()).map(|profile| profile.to_toml()) {
             Some(Ok(text)) => {
-                self.profile_dated = Instant::now();
+                self.profile_dated = Some(Instant::now());
                 self.profile = Some((number, undated));
                 self.profiles.insert(number, text);
                 self.saver.subjects.set_unwritten(number, true);
@@ -264,5 +270,53 @@ impl Writer {
         }
         let refusal = self.saver.subjects.get(self.saver.subjects.in_use())?.refusal?;
         Some(format!("the worker in use is not saved: {refusal}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::os::unix::fs::MetadataExt;
+
+    use bytemuck::Zeroable;
+    use equipoise_station::state_directory::StateDirectory;
+
+    use super::*;
+    use crate::active_configuration::ActiveConfiguration;
+    use crate::rings::{LoopEnds, Rings};
+    use crate::{example_config, profile};
+
+    #[test]
+    fn the_profile_of_an_absent_worker_keeps_its_date() {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        fs::create_dir_all(state.profiles()).unwrap();
+        let config = example_config::config("alice", "mass_kg = 70.0\n");
+        let (settings, path) = (config.settings(), state.profile("alice"));
+        fs::write(&path, profile::example::text("alice", 3, &settings)).unwrap();
+        let profile = Profile::read(&path).unwrap().unwrap();
+        let Rings { saving, loop_ends, settings: sender, .. } = Rings::new().unwrap();
+        let LoopEnds { mut copies, .. } = loop_ends;
+        let alice = ProfileDestination::of(&state, "alice", Some(profile.build()), true);
+        let subjects = Arc::new(Subjects::new(state, "s", alice));
+        let active = ActiveConfiguration { config, loaded: None, similar: None };
+        let mut writer = Writer::new(Saver {
+            ends: saving,
+            subjects: Arc::clone(&subjects),
+            worker: Arc::default(),
+            active_configuration: Arc::new(SharedConfiguration::new(active, sender)),
+            board: Arc::default(),
+            station_refused: true,
+            tare: (Tare::zeroed(), 0),
+        });
+        let file = fs::metadata(&path).unwrap().ino();
+        for (suit_time_ns, is_kept) in [(0, true), (now_ns(), false)] {
+            let mut copy = bytemuck::zeroed_box::<StoredState>();
+            profile.worker(&settings).unwrap().store(&mut copy.subject);
+            copy.registration.suit_time_ns = suit_time_ns;
+            copies.push((subjects.in_use(), copy)).unwrap();
+            writer.drain();
+            assert_eq!(fs::metadata(&path).unwrap().ino() == file, is_kept, "{suit_time_ns}");
+        }
     }
 }
