@@ -173,7 +173,7 @@ fn guide(arguments: &Arguments) -> anyhow::Result<Vec<Trial>> {
     Ok(check.trials().to_vec())
 }
 
-/// Prints why torques are masked, if they are for longer than a moment.
+/// Prints why torques are masked, every [`MASKED_INTERVAL`].
 struct Masked {
     /// Beginning of the masks, or time of the last line.
     since: Instant,

@@ -195,13 +195,16 @@ impl Fixture<'_> {
         }
     }
 
-    /// Works until one more pose was used.
+    /// Works until one more pose was used and is on disk.
     fn take_a_pose(&mut self) {
         // The first states after a change of the subject are those of the previous one.
         std::thread::sleep(SUBJECT_CHANGE);
         let poses = self.monitor.until("both sensors", Monitor::both_fresh).poses_used;
         self.monitor.until_poses(&self.person, poses + 1);
         self.poses_seen.record(&self.in_use, self.monitor.state.poses_used);
+        let path = self.station.profile(&self.in_use);
+        let saved = || Profile::read(&path).expect("a profile");
+        wait_for("the pose on disk", || saved().filter(|profile| profile.poses_used > u64::from(poses)));
     }
 
     fn command(&mut self) {
@@ -313,6 +316,8 @@ fn a_kill_at_any_instant_loses_at_most_a_second() {
     let Fixture { mut monitor, person, .. } = fixture;
     let before = monitor.state.poses_used;
     monitor.until_poses(&person, before + 1);
+    let poses = ["anon-1", "anon-2"].iter().filter_map(|subject| Some(saved(subject)?.poses_used)).max();
+    assert!(poses >= Some(2), "hardly a pose was taken between the kills");
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert!(read_all_files(&station.state_directory()) >= 3);
 }
